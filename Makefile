@@ -70,7 +70,7 @@ $(MADE)/%.swept:
 
 # What the limits of `make results` are worth elsewhere: single pushes at a share
 # of them, the G1 at other moments and in MuJoCo, Nadia with sensors.
-SINGLE := 95 80 60 moments errors mujoco
+SINGLE := 95 80 60 moments errors mujoco random
 SWEPT := g1_moments g1_mujoco sensors
 
 robustness: .venv/installed-test \
@@ -86,6 +86,7 @@ $(MADE)/errors.pushed: PUSHES := --share 0.8 --directions 8 \
 	--scenario_text "{imperfections: {joint_noise: 0.0005, \
 	joint_speed_noise: 0.02, pelvis_noise: 0.001, pelvis_speed_noise: 0.02, \
 	delay: 0.012, friction_ratio: 0.5, torso_mass_ratio: 1.1}}"
+$(MADE)/random.pushed: PUSHES := --share 0.6 --pushes 60
 $(MADE)/mujoco.pushed: PUSHES := --share 0.9 --directions 12 --engine mujoco
 $(MADE)/%.pushed:
 	$(BIN)/python scripts/single_pushes.py $(PUSHES) --out $(MADE)/$*

@@ -3,6 +3,8 @@
 import pytest
 from pydrake.common.yaml import yaml_load_file
 
+from nadia_balance.core.plan.gait import Gait
+from nadia_balance.core.walking.push import Push
 from nadia_balance.diagrams import scenario as module
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
@@ -23,6 +25,21 @@ def test_every_scenario_loads_and_has_its_steps_in_reach():
         gait = scenario.gait
         walks = bool(gait.num_steps or gait.steps or gait.footholds)
         assert bool(schedule.footsteps) == walks
+
+
+def test_what_is_given_is_not_scaled():
+    """Oracle: the same values as text, which are in SI units."""
+    changes = {
+        "gait": Gait(num_steps=4, swing_duration=0.6, transfer_duration=0.2),
+        "pushes": [Push(delta_v=0.3, duration=0.2, at="1 s")],
+    }
+    text = """gait: {num_steps: 4, swing_duration: 0.6, transfer_duration: 0.2}
+pushes: [{delta_v: 0.3, duration: 0.2, at: 1 s}]"""
+    found = load_scenario("walk_in_place", robot="g1", **changes)
+    told = load_scenario("walk_in_place", text=text, robot="g1")
+    assert found.gait == changes["gait"] and found.pushes == told.pushes
+    for name in ("swing_duration", "transfer_duration"):
+        assert getattr(found.gait, name) == getattr(told.gait, name)
 
 
 # What is wrong, and how the message begins.  The bounds of the parameters are

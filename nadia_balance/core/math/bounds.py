@@ -177,8 +177,7 @@ def scaled(params: T, size: Size, given: object = None) -> T:
     """Returns the dataclass `params`, tuned on Nadia, for a robot of `size`.
 
     Each number with a unit (`bounded`) is multiplied; for Nadia by exactly 1.
-    Values in `given`, a tree of mappings and lists as from YAML, are not
-    scaled.
+    Values in `given`, a tree as from YAML or with dataclasses, are not scaled.
     """
     tree = given if isinstance(given, dict) else {}
     found = {}
@@ -191,7 +190,8 @@ def scaled(params: T, size: Size, given: object = None) -> T:
 
 def _scaled(value: Any, size: Size, given: object, bounds: Bounds) -> Any:
     if dataclasses.is_dataclass(value):
-        return scaled(value, size, given)
+        whole = dataclasses.is_dataclass(given)
+        return value if whole else scaled(value, size, given)
     if isinstance(value, list):
         known = given if isinstance(given, list) else [given] * len(value)
         return [

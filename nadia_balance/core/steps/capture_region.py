@@ -69,7 +69,7 @@ class CaptureRegionStepAdjusterParams:
     # Desired distance of the foothold from the edge of the capture region.
     margin: float = bounded(0.03, least=0.0, unit="m")
     sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # Times before touchdown and after lift-off without foothold changes.
+    # Times without foothold changes, before touchdown and after lift-off.
     freeze_time: float = bounded(0.05, least=0.0, unit="s")
     settling_time: float = bounded(0.01, least=0.0, unit="s")
     # Time by which a swing may last longer than planned.

@@ -146,11 +146,11 @@ def propose_adjustment(
     """Returns the adjustment of the step in the air for this tick of `period`.
 
     The foothold does not change in the first `settling_time` of a swing, as
-    the measured ICP jumps when the contacts change, nor in the last
-    `freeze_time`.  The swing is prolonged for a foothold that the foot cannot
-    reach in time, if it misses the capture region by less, although the ICP
-    diverges meanwhile: a foot that is pushed outward late in its swing would
-    else land where the other one has to cross it.
+    the measured ICP jumps when the contacts change; in the last `freeze_time`
+    only if the swing is prolonged for it.  That is for a foothold which the
+    foot cannot reach in time, if it misses the capture region by less, although
+    the ICP diverges meanwhile: a foot that is pushed outward late in its swing
+    would else land where the other one has to cross it.
     Erratum: the paper's swings are only shortened.
     """
     current = current_adjustment(state)
