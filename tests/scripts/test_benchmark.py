@@ -23,7 +23,8 @@ def told(tmp_path_factory):
     argv = "--mechanisms all_with_cross_over --json --seconds 0.2"
     argv += f" --record {recorded}"
     out = StringIO()
-    with patch.object(benchmark, "TICKS", 20), redirect_stdout(out):
+    early = patch.multiple(benchmark, TICKS=20, START=0.1)
+    with early, redirect_stdout(out):
         assert benchmark.main(argv.split()) == 0
     return recorded, json.loads(out.getvalue())
 

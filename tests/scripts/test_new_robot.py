@@ -17,6 +17,16 @@ def file(tmp_path):
     return Biped(seed=7).write(tmp_path)
 
 
+@pytest.fixture
+def any_reach(monkeypatch):
+    """Of the legs' lengths: what they reach is tested with robot.reach."""
+
+    def reach_of(robot):
+        return robot.point_mass.reach, set()
+
+    monkeypatch.setattr(new_robot, "reach_within", reach_of)
+
+
 def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
     """Oracle: the bar for robots nobody has tuned, an ICP error of 10 mm.
 
@@ -45,6 +55,7 @@ def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
     ) in outcome.out
 
 
+@pytest.mark.usefixtures("any_reach")
 def test_a_robot_that_does_not_walk_says(file, tmp_path, capsys, monkeypatch):
     """Oracle: a scenario that needs soles of more than a metre."""
     large = "{controller: {step_adjuster: {foot_front: 1.0}}}"
@@ -70,6 +81,7 @@ def test_refuses_what_makes_no_robot(file, argv, message, tmp_path, capsys):
     assert_refused(outcome, message)
 
 
+@pytest.mark.usefixtures("any_reach")
 def test_an_edited_robot_is_overwritten_only_by_force(file, tmp_path, capsys):
     """Oracle: the text of the user, and that it is gone."""
     made = tmp_path / "robot.yaml"
