@@ -1,8 +1,8 @@
 """Oracle: lipm_limit_nadia.csv of the founders, through all that is above."""
 
 import re
+from statistics import fmean
 
-import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import MECHANISMS
@@ -42,7 +42,7 @@ def test_knows_the_limits_of_a_folder():
     )
     (told,) = re.findall(r"^\| (\d.*) \|$", page, re.MULTILINE)
     means = {
-        name: np.mean([known[Cell(*AT, name, 30.0 * i)] for i in range(12)])
+        name: fmean([known[Cell(*AT, name, 30.0 * i)] for i in range(12)])
         for name in MECHANISMS
     }
     assert [f"{mean:.2f}" for mean in means.values()] == told.split(" | ")
