@@ -197,7 +197,7 @@ def scenario_of(args: argparse.Namespace, name: str) -> Scenario:
 
 
 def moments(asked: dict[str, str]) -> tuple[str, ...]:
-    """Returns the moments `at` which one is to be pushed."""
+    """Returns the moments `at` which to push; ValueError: it is none."""
     return tuple(str(Moment.parse(text)) for text in _words("at", asked))
 
 

@@ -19,7 +19,7 @@ def file(tmp_path):
 
 @pytest.fixture
 def any_reach(monkeypatch):
-    """Of the legs' lengths: what they reach is tested with robot.reach."""
+    """The reach is that of the legs' lengths, and takes no search."""
 
     def reach_of(robot):
         return robot.point_mass.reach, set()
