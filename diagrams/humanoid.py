@@ -221,8 +221,7 @@ class HumanoidDiagram(ClosedLoop):
             heavier = SpatialInertia(mass, known.get_com(), shape)
             torso.SetSpatialInertiaInBodyFrame(own, heavier)
         if (sensor := self._state_sensor) is not None:
-            measured = sensor.GetMyMutableContextFromRoot(context)
-            sensor.ExecuteInitializationEvents(measured)
+            sensor.fill(sensor.GetMyMutableContextFromRoot(context))
         if self._drives is not None:  # initial torques are the commanded ones
             own = self._drives.GetMyMutableContextFromRoot(context)
             commanded = self._drives.GetInputPort("actuation").Eval(own)

@@ -18,7 +18,8 @@ from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import SwingFootPlanner
 from nadia_balance.view.scene import add_mechanisms
 
-FALLEN_DISTANCE = 0.8  # horizontal, from the CoM to the nearer foot [m]
+# Horizontal, from the CoM to the nearer foot, per height of the CoM [-].
+FALLEN_DISTANCE = 0.9
 
 
 class LipmDiagram(ClosedLoop):
@@ -63,6 +64,7 @@ class LipmDiagram(ClosedLoop):
         self.controller = add("capture_point_controller", controller)
         swing = SwingFootPlanner(params.swing_foot, model, period)
         self.swing = add("swing_foot_planner", swing)
+        self._fallen = FALLEN_DISTANCE * model.com_height
         self.plant = add("plant", PointMassPlant(model, period, start))
         self.push = add("push_source", PushSource(pushes, model.mass, period))
         on = NAMED[scenario.mechanisms]
@@ -97,7 +99,7 @@ class LipmDiagram(ClosedLoop):
         plant = self.plant.GetMyContextFromRoot(context)
         com, feet = (port.Eval(plant) for port in self._watched)
         places = [foot.p_WF[:2] for foot in (feet.left, feet.right)]
-        if min(math.dist(com[:2], p) for p in places) > FALLEN_DISTANCE:
+        if min(math.dist(com[:2], p) for p in places) > self._fallen:
             return "CoM out of reach of both feet"
         state = self.GetOutputPort("walking_state").Eval(context)
         return foot_beside(self._ground, state.schedule)

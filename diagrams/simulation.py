@@ -40,11 +40,17 @@ def closed_loop(
 ) -> ClosedLoop:
     """The diagram of a `scenario`: of the robot, or of the point mass (lipm).
 
-    The robot's controller is the `policy` in an ONNX file, if given.
+    The robot's controller is the `policy` in an ONNX file, if given; pushes in
+    a phase of its gait are after SETTLED steps.
     """
     if policy:
         controller = policy_of(scenario, policy)
-        return HumanoidDiagram(scenario, meshcat, controller)
+        pushes = [
+            replace(push, after_steps=max(push.after_steps, SETTLED))
+            for push in scenario.pushes
+        ]
+        later = replace(scenario, pushes=pushes)
+        return HumanoidDiagram(later, meshcat, controller)
     make = LipmDiagram if plant == "lipm" else HumanoidDiagram
     return make(scenario, meshcat)
 
@@ -53,7 +59,6 @@ def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
     """Returns the policy in the file `onnx`.
 
     It walks at the mean velocity of the gait, or stands if that has no steps.
-    Pushes in a phase of its gait are after SETTLED steps.
 
     Raises ValueError: the policy does not fit the robot or the scenario.
     """
@@ -65,8 +70,6 @@ def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
     if not gait.num_steps or any(way):
         params.command = tuple(part / time for part in way)
     robot = load_robot(scenario.robot, scenario.fidelity)
-    for push in scenario.pushes:
-        push.after_steps = max(push.after_steps, SETTLED)
     return PolicyController(robot, onnx, params)
 
 

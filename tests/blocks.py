@@ -1,5 +1,7 @@
 """How tests ask a block: inputs and outputs by the names of their ports."""
 
+from collections.abc import Callable
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
@@ -37,9 +39,19 @@ def running(system: System, **inputs: object) -> tuple[Simulator, Context]:
     return simulator, context
 
 
-def told(system: System, period: float, inputs: list[dict], *outputs: str):
-    """The values of each output (n, ...) in n ticks with their inputs."""
+def told(
+    system: System,
+    period: float,
+    inputs: list[dict],
+    *outputs: str,
+    start: Callable[[Context], None] = lambda context: None,
+):
+    """The values of each output (n, ...) in n ticks with their inputs.
+
+    `start` is called with the Context before the first tick.
+    """
     simulator, context = running(system, **inputs[0])
+    start(context)
     simulator.Initialize()
     found = []
     for i, now in enumerate(inputs, start=1):

@@ -13,7 +13,7 @@ from pydrake.math import RollPitchYaw
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import policy_of, simulate
+from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.policy_controller import PolicyController, PolicyParams
 from nadia_balance.results.pages import write_plots
 from nadia_balance.results.story import telling_lines
@@ -92,9 +92,10 @@ def test_a_policy_that_is_to_stand_has_no_phases(made):
 def test_pushes_are_timed_by_contacts_once_it_walks(made):
     """Oracle: the clock's phases, and eight steps before the first push."""
     scenario = load_scenario("push", robot="g1")
-    diagram = HumanoidDiagram(scenario, None, policy_of(scenario, made()))
-    assert scenario.pushes[0].at == "right swing 25 %"
-    assert scenario.pushes[0].after_steps == 8
+    diagram = closed_loop(scenario, policy=made())
+    (push,) = diagram.scenario.pushes
+    assert (push.at, push.after_steps) == ("right swing 25 %", 8)
+    assert scenario.pushes[0].after_steps < 8
     clock = diagram.GetSubsystemByName("contact_clock")
     assert diagram.AreConnected(
         clock.GetOutputPort("walking_state"),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
-from pydrake.systems.framework import EventStatus, LeafSystem, System
+from pydrake.systems.framework import Context, EventStatus, LeafSystem, System
 
 from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -197,8 +197,8 @@ class StateSensor(LeafSystem):
     `state` is [q, v] of the plant, `measured_state` the delayed and noisy
     [q, v]; `measured_foot_forces` are the delayed `foot_forces` (2,) [N].
     Forces and the orientation of the pelvis have no noise.  The discrete state
-    is the buffer of delayed samples, the latest first, filled with the initial
-    state.  The noise of a tick depends on the seed and the tick's number only.
+    is the buffer of delayed samples, the latest first (see `fill`).  The noise
+    of a tick depends on the seed and the tick's number only.
 
     .. pydrake_system::
 
@@ -238,16 +238,18 @@ class StateSensor(LeafSystem):
             depends = delayed if self._ticks else {port.ticket()}
             depends = depends | {self.time_ticket()}
             self.DeclareVectorOutputPort(name, length, calc, depends)
-        self.DeclareInitializationDiscreteUpdateEvent(self._fill)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._shift)
 
     def _sample(self, context) -> np.ndarray:
         """The present state and foot forces (n + 2,)."""
         return np.concatenate((self._now(context), self._forces(context)))
 
-    def _fill(self, context, new):
-        new.set_value(np.tile(self._sample(context), self._ticks))
-        return EventStatus.Succeeded()
+    def fill(self, context: Context) -> None:
+        """Fills the buffer with the present state and foot forces.
+
+        Done once, at the start: a copied Context goes on with its buffer.
+        """
+        context.SetDiscreteState(np.tile(self._sample(context), self._ticks))
 
     def _shift(self, context, new):
         past = context.get_discrete_state(self._past).value()

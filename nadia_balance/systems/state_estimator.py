@@ -16,7 +16,7 @@ from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input, Outcome, declare_scratch
-from nadia_balance.systems.sensors import imu_motion, imu_place
+from nadia_balance.systems.sensors import SAMPLE, imu_motion, imu_place
 
 FILTERS = {"invariant": ekf.InvariantEkf, "complementary": Complementary}
 # A foot has landed above this share of the weight on it; it is let go below the
@@ -87,6 +87,7 @@ class StateEstimator(LeafSystem):
             for side, name in robot.foot_bodies.items()
         ]
         self._imu, self._range = Input(self, "imu", 9), sensors.imu_range
+        self._rate_var = sensors.gyro_noise**2 / SAMPLE
         self._joints = Input(self, "joints", 2 * self._nj)
         self._forces = Input(self, "foot_forces", len(Side))
         self._scratch = declare_scratch(self, plant)
@@ -181,8 +182,11 @@ class StateEstimator(LeafSystem):
         p = p_WI - r
         T = np.eye(9)
         T[3:, :3] = -ekf.skew(np.array((v, p))).reshape(6, 3)
-        T = T @ ekf.IN_W
-        return (R, p, w, v), T @ cov @ T.T
+        T, arm = T @ ekf.IN_W, ekf.skew(r)
+        T[3:6, ekf.GYRO_BIAS] -= arm @ R_WI  # of w in w x r
+        covariance = T @ cov @ T.T
+        covariance[3:6, 3:6] += self._rate_var * (arm @ arm.T)
+        return (R, p, w, v), covariance
 
     def _state(self, R, p, w, v, joints) -> np.ndarray:
         R_WB = RotationMatrix.ProjectToRotationMatrix(R)

@@ -1,5 +1,7 @@
 """Oracles: Drake's kinematics of the state that is told, and the plant's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -45,6 +47,27 @@ def test_the_pelvis_moves_as_an_imu_on_the_torso_says():
     assert V.translational() == pytest.approx(np.zeros(3), abs=1e-12)
     R_IW = (X_WB @ X_BI).rotation().inverse()
     assert R_IW @ V.rotational() == pytest.approx(rate, abs=1e-12)
+
+
+def test_a_gyro_far_from_the_pelvis_adds_its_errors_to_the_velocity():
+    """Oracle: the covariance of 1000 velocities of the pelvis, in turn told
+    with the bias and noise of the latest rate, beside a perfect gyro's.
+    """
+    rng, noise, bias = np.random.default_rng(5), 1e-4, 3e-3
+    rate = {"joints": np.zeros(2 * NJ), "foot_forces": np.full(2, 450.0)}
+    rate["joints"][:NJ] = standing_positions()[7:]
+    told, velocities = [], []
+    for errors in ({}, {"gyro_noise": noise, "gyro_bias": bias}):
+        sensors = replace(TORSO, **errors)
+        block = StateEstimator(nadia(), sensors, PERIOD, standing_positions())
+        context = asked(block, imu=np.zeros(9), **rate)
+        told.append(answer(block, context, "estimate_covariance"))
+    for wrong in rng.normal(0.0, np.hypot(noise / 0.001**0.5, bias), (1000, 3)):
+        fix(block, context, imu=np.append(np.zeros(6), wrong))
+        velocities.append(answer(block, context, "estimated_state")[-NJ - 3 :])
+    found = np.cov(np.array(velocities)[:, :3], rowvar=False)
+    more = (told[1] - told[0]).reshape(9, 9)[3:6, 3:6]
+    assert np.abs(found - more).max() < 0.1 * np.linalg.norm(more, 2)
 
 
 def test_the_robot_is_told_where_it_stands_not_quite():

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
 
 from nadia_balance.systems.hardware import Imperfections, StateSensor
-from tests.blocks import told
+from tests.blocks import answer, fix, running, told
 from tests.whole_body_examples import nadia, standing_state
 
 PERIOD = 0.002
@@ -28,7 +29,7 @@ def sensed(imperfections, ticks, seed=0, shift=0.0):
         for i in range(ticks)
     ]
     outputs = "measured_state", "measured_foot_forces"
-    return told(sensor, PERIOD, inputs, *outputs)
+    return told(sensor, PERIOD, inputs, *outputs, start=sensor.fill)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 5])
@@ -38,6 +39,26 @@ def test_tells_what_came_so_long_ago(ticks):
     i = np.maximum(np.arange(9) - ticks, 0)[:, None]
     assert np.array_equal(states, standing_state() + i * 0.1)
     assert np.array_equal(forces, FORCES + i * 0.1)
+
+
+def test_a_copy_goes_on_with_its_buffer():
+    """Oracle: a sweep copies a walk; its push is felt as late as in the walk.
+
+    A simulator of the copy makes the events of a start once more.
+    """
+    sensor = StateSensor(PLANT, Imperfections(delay=3 * PERIOD), PERIOD)
+    inputs = {"state": standing_state(), "foot_forces": FORCES}
+    walk, context = running(sensor, **inputs)
+    sensor.fill(context)
+    walk.AdvanceTo(5 * PERIOD)
+    pushed = {"state": standing_state() + 1.0, "foot_forces": FORCES + 1.0}
+    fix(sensor, context, **pushed)
+    copy = Simulator(sensor, context.Clone())
+    copy.Initialize()
+    for ticks in range(1, 5):
+        copy.AdvanceTo((5 + ticks) * PERIOD)
+        forces = answer(sensor, copy.get_context(), "measured_foot_forces")
+        assert np.array_equal(forces, FORCES + (ticks >= 3))
 
 
 def test_noise_is_white_and_of_the_deviations_asked_for():

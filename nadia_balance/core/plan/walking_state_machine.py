@@ -215,8 +215,10 @@ class StateMachine:
         old, model = state.schedule, self.model
         wanted = old.feet
         if old.phase is Phase.SWING:
-            step = old.footsteps[0]
-            wanted = wanted.with_foot(step.side, step.pose)
+            side, pose = old.footsteps[0].side, old.footsteps[0].pose
+            if model.ground and (on := model.ground.region_under(feet[side])):
+                pose = replace(pose, normal=on.unit_normal)
+            wanted = wanted.with_foot(side, pose)
         feet = _tilted(feet, wanted)
         steps = within_reach(
             state.commanded, feet, model.reach, landed, model.ground

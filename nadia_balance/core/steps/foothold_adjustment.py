@@ -158,9 +158,12 @@ def propose_adjustment(
         return current
     wanted = adjust_foothold(current, landing, params, period)
     left, lead = state.remaining_time, state.gained_time
-    soon, late = current, left + lead + params.prolongation
+    early, late = left + max(lead, 0.0), left + lead + params.prolongation
+    if current.prolonged:  # once granted, the time is kept
+        early, wanted = late, replace(wanted, prolonged=current.prolonged)
+    soon = current
     if landing.touchdown[0] >= params.freeze_time:
-        soon = in_time(current, wanted, landing, left + max(lead, 0.0))
+        soon = in_time(current, wanted, landing, early)
     if soon is wanted or wanted.pose == current.pose or landing.foot is None:
         return soon
     later = in_time(current, wanted, landing, late)

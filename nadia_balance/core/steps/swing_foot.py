@@ -135,8 +135,10 @@ class SwingFoot:
         left = max(left, height / detour.max_descent)
         left = max(left, self._time_to_descend(height, descent))
         braking = self._time_to_brake(height, descent)
-        if braking:  # with constant deceleration
+        if braking:
             left = braking
+        # With constant deceleration, but for the tick that lands.
+        if braking > self.period + self.lead:
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
         ground = float(end[0, 2]) if edges is None else edges.top
         landing = end[:, Z].copy()

@@ -174,6 +174,28 @@ def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
     assert v.min() > -1.5 * PARAMS.touchdown_velocity
 
 
+@pytest.mark.parametrize("height", [0.009, 0.0125, 0.02])
+@pytest.mark.parametrize("descent", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("left", [0.0, 0.04])
+def test_a_landing_foot_brakes_no_harder_than_it_can(height, descent, left):
+    """Oracle: 30 m/s^2, enough for all cases; it once asked for 1000 m/s^2.
+
+    That was in the tick that lands, of a foot that is still braking.
+    """
+    assert descent**2 - PARAMS.touchdown_velocity**2 < 60.0 * height
+    model = replace(MODEL, detour=replace(DETOUR, max_braking=30.0))
+    motion, asked = np.zeros((3, 4)), []
+    motion[0], motion[1, 2] = (*GOAL, height, 0.2), -descent
+    for period in (0.002, 0.004):
+        foot, now, ticks = SwingFoot(PARAMS, model, period), motion, 0
+        while now[0, 2] > 0.0:
+            late = swing_state(0.7 - max(left - ticks * period, 0.0))
+            now, _ = foot.motion(now, late)
+            asked.append(abs(now[2, 2]))
+            ticks += 1
+    assert max(asked) < 2.0 * 30.0
+
+
 def gap(points):
     """Between soles without yaw, the other one in the origin, (n,) [m]."""
     apart = np.abs(points) - [0.25, 0.12]
