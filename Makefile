@@ -96,9 +96,10 @@ $(MADE)/%.pushed:
 
 G1_MORE := --robot g1 --resolution 0.1 --stride 4 \
 	--mechanisms all_with_cross_over
-$(MADE)/g1_mujoco.swept: SWEEP := $(G1_MORE) --engine mujoco
-$(MADE)/g1_moments.swept: SWEEP := $(G1_MORE) --replicas 1 \
-	--at "right swing 50 %, right swing 75 %, left transfer 50 %"
+LATER := right swing 50 %, right swing 75 %, left transfer 50 %
+$(MADE)/g1_mujoco.swept: SWEEP := $(G1_MORE) --replicas 1 --engine mujoco \
+	--at "right swing 25 %, $(LATER)"
+$(MADE)/g1_moments.swept: SWEEP := $(G1_MORE) --replicas 1 --at "$(LATER)"
 $(MADE)/sensors.swept: SWEEP := --sensors consumer \
 	--mechanisms all_with_cross_over
 

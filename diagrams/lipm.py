@@ -18,8 +18,7 @@ from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import SwingFootPlanner
 from nadia_balance.view.scene import add_mechanisms
 
-# Horizontal, from the CoM to the nearer foot, per height of the CoM [-].
-FALLEN_DISTANCE = 0.9
+FALLEN_DISTANCE = 0.9  # of the CoM from the nearer foot, per its height [-]
 
 
 class LipmDiagram(ClosedLoop):

@@ -40,25 +40,21 @@ def closed_loop(
 ) -> ClosedLoop:
     """The diagram of a `scenario`: of the robot, or of the point mass (lipm).
 
-    The robot's controller is the `policy` in an ONNX file, if given; pushes in
-    a phase of its gait are after SETTLED steps.
+    The robot's controller is the `policy` in an ONNX file, if given.
     """
     if policy:
-        controller = policy_of(scenario, policy)
-        pushes = [
-            replace(push, after_steps=max(push.after_steps, SETTLED))
-            for push in scenario.pushes
-        ]
-        later = replace(scenario, pushes=pushes)
-        return HumanoidDiagram(later, meshcat, controller)
+        return _walked_by(policy, scenario, meshcat)
     make = LipmDiagram if plant == "lipm" else HumanoidDiagram
     return make(scenario, meshcat)
 
 
-def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
-    """Returns the policy in the file `onnx`.
+def _walked_by(
+    onnx: str | Path, scenario: Scenario, meshcat: Meshcat | None
+) -> HumanoidDiagram:
+    """The diagram of the policy in the file `onnx`.
 
     It walks at the mean velocity of the gait, or stands if that has no steps.
+    Pushes in a phase of its gait are after SETTLED steps.
 
     Raises ValueError: the policy does not fit the robot or the scenario.
     """
@@ -70,7 +66,14 @@ def policy_of(scenario: Scenario, onnx: str | Path) -> PolicyController:
     if not gait.num_steps or any(way):
         params.command = tuple(part / time for part in way)
     robot = load_robot(scenario.robot, scenario.fidelity)
-    return PolicyController(robot, onnx, params)
+    pushes = [
+        replace(push, after_steps=max(push.after_steps, SETTLED))
+        for push in scenario.pushes
+    ]
+    controller = PolicyController(robot, onnx, params)
+    return HumanoidDiagram(
+        replace(scenario, pushes=pushes), meshcat, controller
+    )
 
 
 def start(diagram: ClosedLoop) -> Simulator:

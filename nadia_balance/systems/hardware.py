@@ -245,10 +245,7 @@ class StateSensor(LeafSystem):
         return np.concatenate((self._now(context), self._forces(context)))
 
     def fill(self, context: Context) -> None:
-        """Fills the buffer with the present state and foot forces.
-
-        Done once, at the start: a copied Context goes on with its buffer.
-        """
+        """Fills the buffer with the inputs: at a start, not in a copy of it."""
         context.SetDiscreteState(np.tile(self._sample(context), self._ticks))
 
     def _shift(self, context, new):

@@ -160,9 +160,12 @@ class PushSource(framework.LeafSystem):
                 at = f"at {context.get_time():.3f} s"
                 raise ValueError(f"live_push = {told} {at}: must be finite")
             if clicks > count:
-                push = self._live_one(*wish)
+                push = Push(at="0 s")
+                push.delta_v, push.direction_deg, push.duration = wish
+                check(push)
                 number += 1.0
-                ticks = round(push.duration / self.period)
+                ticks = walking.number_of_ticks(push.duration, self.period)
+                push.duration = ticks * self.period
                 heading = _yaw(self._walking_state(context))
                 heading += math.radians(push.direction_deg)
                 newtons = push.newtons(self._mass, self.period)
@@ -170,15 +173,6 @@ class PushSource(framework.LeafSystem):
             count = clicks
         now.set_value([*rows.ravel(), count, number, ticks])
         return framework.EventStatus.Succeeded()
-
-    def _live_one(self, delta_v, direction_deg, duration) -> Push:
-        push = Push(delta_v=delta_v, direction_deg=direction_deg, at="0 s")
-        push.duration = duration
-        check(push)
-        push.duration = (
-            walking.number_of_ticks(duration, self.period) * self.period
-        )
-        return push
 
     def _await(self, context, walks, i: int, row) -> None:
         """Updates the state `row` of push `i`, which has not begun."""

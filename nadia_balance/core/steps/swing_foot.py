@@ -116,7 +116,8 @@ class SwingFoot:
         schedule, detour = state.schedule, self.model.detour
         goal, stance = schedule.footsteps[0].pose, schedule.support_side
         end = np.zeros((3, 4))
-        end[0] = *goal.p_WF, _nearest_turn(goal.yaw, start[0, YAW])
+        turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
+        end[0] = *goal.p_WF, start[0, YAW] + turn
         end[1, Z] = -self.params.touchdown_velocity
         height = float(start[0, 2] - end[0, 2])
         left = state.remaining_time + (_SOON if state.waiting else self.period)
@@ -135,8 +136,7 @@ class SwingFoot:
         left = max(left, height / detour.max_descent)
         left = max(left, self._time_to_descend(height, descent))
         braking = self._time_to_brake(height, descent)
-        if braking:
-            left = braking
+        left = braking or left
         # With constant deceleration, but for the tick that lands.
         if braking > self.period + self.lead:
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
@@ -271,11 +271,6 @@ def _over_edges(
         return end[:, Z]
     via = z[worst] + short[worst]
     return end_beyond(start[:, Z], landing, left, via, t)
-
-
-def _nearest_turn(yaw: float, reference: float) -> float:
-    """Returns `yaw` plus full turns, closest to `reference` [rad]."""
-    return yaw + math.tau * round((reference - yaw) / math.tau)
 
 
 def quintic(start: Array, end: Array, horizon: Array, t: Array) -> Array:

@@ -16,7 +16,6 @@ from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
 from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 
 _FORCE = slice(3, 6)  # columns of the base's rows
-_TO_HIGHEST = 0.5  # place of the sole's height from centre to corner [-]
 
 
 class Motion(NamedTuple):
@@ -121,9 +120,7 @@ class SwingFootTask:
     the foot, and not a tilt of the sole, whose orientation has little weight
     until it lands: it is times the command's `flatness`.  The height has a
     weight of its own: at the end of a long step the torques do not suffice for
-    all, and a foot that is too low lands while it is fast.  A tilted sole is
-    led lower, so that it lands sooner: while it is in the air, the ICP
-    diverges.
+    all, and a foot that is too low lands while it is fast.
     """
 
     name = "swing_foot"
@@ -132,7 +129,6 @@ class SwingFootTask:
         over, height = params.swing_position_weight, params.swing_height_weight
         turn = [params.swing_orientation_weight] * 3
         self.weight = np.array([*turn, over, over, height])
-        self._to_corner = 0.5 * model.sole_length, 0.5 * model.sole_width
         self._ankles = model.ankles
         self._kp = np.repeat(
             [params.swing_orientation_gain, params.swing_position_gain], 3
@@ -146,14 +142,12 @@ class SwingFootTask:
         side = command.contacts.index(False)
         yaw, rate, acceleration = command.swing[9:].tolist()
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
-        R_TF = R_WT.T @ R_WF
-        turn = R_WT @ rotation_error(yaw, R_TF)
+        turn = R_WT @ rotation_error(yaw, R_WT.T @ R_WF)
         # The reference of the ankle, and the arm to it from the sole's centre.
         aim = command.swing[:9].reshape(3, 3)
         aim = aim + self._turned(side, yaw, rate, acceleration) @ R_WT.T
         arm = R_WF @ self._ankles[side]
         error = aim[0] - terms.sole_positions[side] - arm
-        error[2] -= _TO_HIGHEST * np.abs(R_TF[2, :2]) @ self._to_corner
         rows, now = terms.at_point(side, arm)
         root = math.sqrt(command.flatness)
         wanted = np.array((0.0, 0.0, acceleration, *aim[2].tolist()))
