@@ -212,7 +212,7 @@ def test_who_is_never_pushed_has_no_limit(tmp_path):
 
 def test_the_published_folder_gives_the_published_tables(tmp_path):
     """Oracle: its files, which earlier code has written."""
-    published = ROOT / "docs" / "results" / "fig10"
+    published = ROOT / "docs" / "results" / "g1"
     for name in (TRIALS, "scenario.yaml"):
         shutil.copy(published / name, tmp_path)
     assert once(tmp_path, "--plot-only").code == 0
