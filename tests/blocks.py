@@ -1,7 +1,5 @@
 """How tests ask a block: inputs and outputs by the names of their ports."""
 
-from collections.abc import Callable
-
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
@@ -39,13 +37,7 @@ def running(system: System, **inputs: object) -> tuple[Simulator, Context]:
     return simulator, context
 
 
-def told(
-    system: System,
-    period: float,
-    inputs: list[dict],
-    *outputs: str,
-    start: Callable[[Context], None] = lambda context: None,
-):
+def told(system, period, inputs: list[dict], *outputs: str, start=id):
     """The values of each output (n, ...) in n ticks with their inputs.
 
     `start` is called with the Context before the first tick.

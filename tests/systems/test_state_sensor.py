@@ -42,10 +42,7 @@ def test_tells_what_came_so_long_ago(ticks):
 
 
 def test_a_copy_goes_on_with_its_buffer():
-    """Oracle: a sweep copies a walk; its push is felt as late as in the walk.
-
-    A simulator of the copy makes the events of a start once more.
-    """
+    """Oracle: the input's change is felt three ticks later, as in a walk."""
     sensor = StateSensor(PLANT, Imperfections(delay=3 * PERIOD), PERIOD)
     inputs = {"state": standing_state(), "foot_forces": FORCES}
     walk, context = running(sensor, **inputs)

@@ -174,26 +174,17 @@ def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
     assert v.min() > -1.5 * PARAMS.touchdown_velocity
 
 
-@pytest.mark.parametrize("height", [0.009, 0.0125, 0.02])
-@pytest.mark.parametrize("descent", [0.3, 0.5, 0.7])
-@pytest.mark.parametrize("left", [0.0, 0.04])
-def test_a_landing_foot_brakes_no_harder_than_it_can(height, descent, left):
-    """Oracle: 30 m/s^2, enough for all cases; it once asked for 1000 m/s^2.
-
-    That was in the tick that lands, of a foot that is still braking.
-    """
-    assert descent**2 - PARAMS.touchdown_velocity**2 < 60.0 * height
+@pytest.mark.parametrize(("descent", "left"), [(0.3, 0.0), (0.7, 0.04)])
+def test_a_landing_foot_brakes_no_harder_than_it_can(descent, left):
+    """Oracle: 30 m/s^2, which is enough; twice that for the quintic's peak."""
     model = replace(MODEL, detour=replace(DETOUR, max_braking=30.0))
-    motion, asked = np.zeros((3, 4)), []
-    motion[0], motion[1, 2] = (*GOAL, height, 0.2), -descent
     for period in (0.002, 0.004):
-        foot, now, ticks = SwingFoot(PARAMS, model, period), motion, 0
+        foot, now, t = SwingFoot(PARAMS, model, period), np.zeros((3, 4)), 0.0
+        now[0], now[1, 2] = (*GOAL, 0.0125, 0.2), -descent
         while now[0, 2] > 0.0:
-            late = swing_state(0.7 - max(left - ticks * period, 0.0))
-            now, _ = foot.motion(now, late)
-            asked.append(abs(now[2, 2]))
-            ticks += 1
-    assert max(asked) < 2.0 * 30.0
+            now, _ = foot.motion(now, swing_state(0.7 - max(left - t, 0.0)))
+            assert abs(now[2, 2]) < 2.0 * 30.0
+            t += period
 
 
 def gap(points):
