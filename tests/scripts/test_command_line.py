@@ -112,9 +112,12 @@ def test_holds_meshcat_until_enter_or_ctrl_c(monkeypatch, capsys):
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_program_in_any_place(sent):
     """Oracle: the shell's code of Ctrl-C; the signals of before are back."""
+    usual = signal.default_int_handler  # a shell's background jobs have none
+    ours = signal.signal(signal.SIGINT, usual)
     before = signal.getsignal(sent)
     assert command_line.program(lambda _: signal.raise_signal(sent))([]) == 130
     assert signal.getsignal(sent) is before
+    signal.signal(signal.SIGINT, ours)
 
 
 def test_ctrl_c_at_the_very_start_is_no_traceback(tmp_path):
