@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.plan.walking_state_machine import (
@@ -16,6 +17,7 @@ from nadia_balance.core.plan.walking_state_machine import (
     WalkingStateMachineParams,
 )
 from nadia_balance.core.walking import vocabulary as walking
+from tests.core.body.test_ground import square
 from tests.example_walks import (
     FEET,
     MODEL,
@@ -153,6 +155,23 @@ def test_the_next_plan_has_the_feet_and_the_reference_of_the_touchdown():
     assert state.schedule.feet == landed
     assert len(state.schedule.footsteps) == 2
     assert state.steps_taken == 1
+
+
+def test_a_foot_that_lands_elsewhere_has_the_slope_of_the_ground_there():
+    """Oracle: the normal of the region under it; its foothold is level."""
+    slope = square("slope", 0.5, -0.13, normal=[-0.2, 0.0, 1.0])
+    ground = Ground((square("flat"), slope), SOLE)
+    pose = walking.FootPose([0.5, -0.13, 0.0])
+    feet = FEET.with_foot(walking.Side.RIGHT, pose)
+    machine = StateMachine(PARAMS, replace(MODEL, ground=ground), PERIOD)
+    state = swinging()
+    while state.schedule.phase is walking.Phase.SWING:
+        state = machine.advance(
+            state, FakePlan(), feet, np.array([0.4, 0.4]), np.zeros(2)
+        )
+    foot = state.schedule.feet.right
+    expected = np.array([-0.2, 0.0, 1.0]) / math.sqrt(1.04)
+    assert foot.normal == pytest.approx(expected)
 
 
 def test_the_clock_is_advanced_or_held_but_never_runs_back():
