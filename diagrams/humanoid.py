@@ -164,7 +164,7 @@ class HumanoidDiagram(ClosedLoop):
         """Connects the controller's inputs to the measured signals."""
         state = self.engine.GetOutputPort("state")
         forces = self.sensor.GetOutputPort("foot_forces")
-        self._state_sensor, self._measured = None, {}
+        self._measured = {}
         scenario, controller = self.scenario, self.controller
         if self._sensors is not None:
             self._estimate(builder)
@@ -174,7 +174,7 @@ class HumanoidDiagram(ClosedLoop):
             period = scenario.controller.control_period
             known = self.plant, errors, period, scenario.seed
             sensor = hardware.StateSensor(*known)
-            self._state_sensor = builder.AddNamedSystem("state_sensor", sensor)
+            builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
             state = sensor.GetOutputPort("measured_state")
@@ -220,8 +220,6 @@ class HumanoidDiagram(ClosedLoop):
             mass, shape = ratio * known.get_mass(), known.get_unit_inertia()
             heavier = SpatialInertia(mass, known.get_com(), shape)
             torso.SetSpatialInertiaInBodyFrame(own, heavier)
-        if (sensor := self._state_sensor) is not None:
-            sensor.fill(sensor.GetMyMutableContextFromRoot(context))
         if self._drives is not None:  # initial torques are the commanded ones
             own = self._drives.GetMyMutableContextFromRoot(context)
             commanded = self._drives.GetInputPort("actuation").Eval(own)

@@ -37,13 +37,9 @@ def running(system: System, **inputs: object) -> tuple[Simulator, Context]:
     return simulator, context
 
 
-def told(system, period, inputs: list[dict], *outputs: str, start=id):
-    """The values of each output (n, ...) in n ticks with their inputs.
-
-    `start` is called with the Context before the first tick.
-    """
+def told(system, period, inputs: list[dict], *outputs: str):
+    """The values of each output (n, ...) in n ticks with their inputs."""
     simulator, context = running(system, **inputs[0])
-    start(context)
     simulator.Initialize()
     found = []
     for i, now in enumerate(inputs, start=1):

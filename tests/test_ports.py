@@ -81,7 +81,10 @@ FEEDTHROUGH = {
     },
     "PushSource": {"push_force": "", "push_signal": "", "spatial_forces": ""},
     "StatePredictor": {"predicted_state": "estimated_state"},
-    "StateSensor": {"measured_state": "", "measured_foot_forces": ""},
+    "StateSensor": {
+        "measured_state": "state",
+        "measured_foot_forces": "foot_forces",
+    },
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": "walking_state"},
     "WalkingStateMachine": {"walking_state": "", "walking_signal": ""},

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
-from pydrake.systems.framework import Context, EventStatus, LeafSystem, System
+from pydrake.systems.framework import EventStatus, LeafSystem, System
 
 from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -197,8 +197,9 @@ class StateSensor(LeafSystem):
     `state` is [q, v] of the plant, `measured_state` the delayed and noisy
     [q, v]; `measured_foot_forces` are the delayed `foot_forces` (2,) [N].
     Forces and the orientation of the pelvis have no noise.  The discrete state
-    is the buffer of delayed samples, the latest first (see `fill`).  The noise
-    of a tick depends on the seed and the tick's number only.
+    is the buffer of delayed samples, the latest first, NaN before the start,
+    where the first sample stands for those before it.  The noise of a tick
+    depends on the seed and the tick's number only.
 
     .. pydrake_system::
 
@@ -229,28 +230,21 @@ class StateSensor(LeafSystem):
         self._deviations[nq + 6 :] = imperfections.joint_speed_noise
         self._now = Input(self, "state", size)
         self._forces = Input(self, "foot_forces", _FEET)
-        self._past = self.DeclareDiscreteState(self._ticks * (size + _FEET))
-        delayed = {self.all_state_ticket()}
+        past = np.full(self._ticks * (size + _FEET), np.nan)
+        self._past = self.DeclareDiscreteState(past)
+        depends = {self.all_state_ticket(), self.time_ticket()}
         for name, length, calc, port in (
             ("measured_state", size, self._calc_state, self._now),
             ("measured_foot_forces", _FEET, self._calc_forces, self._forces),
         ):
-            depends = delayed if self._ticks else {port.ticket()}
-            depends = depends | {self.time_ticket()}
-            self.DeclareVectorOutputPort(name, length, calc, depends)
+            needs = depends | {port.ticket()}
+            self.DeclareVectorOutputPort(name, length, calc, needs)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._shift)
-
-    def _sample(self, context) -> np.ndarray:
-        """The present state and foot forces (n + 2,)."""
-        return np.concatenate((self._now(context), self._forces(context)))
-
-    def fill(self, context: Context) -> None:
-        """Fills the buffer with the inputs: at a start, not in a copy of it."""
-        context.SetDiscreteState(np.tile(self._sample(context), self._ticks))
 
     def _shift(self, context, new):
         past = context.get_discrete_state(self._past).value()
-        latest = np.concatenate((self._sample(context), past))
+        sample = self._now(context), self._forces(context)
+        latest = np.concatenate((*sample, past))
         new.get_mutable_vector(self._past).SetFromVector(latest[: past.size])
         return EventStatus.Succeeded()
 
@@ -258,15 +252,16 @@ class StateSensor(LeafSystem):
         tick, size = round(context.get_time() / self._period), self._size
         random = np.random.default_rng((self._seed, tick))
         noise = self._deviations * random.standard_normal(size)
-        state = self._oldest(context, self._now, slice(-size - _FEET, -_FEET))
+        state = self._oldest(context, self._now, slice(0, size))
         output.SetFromVector(state + noise)
 
     def _calc_forces(self, context, output):
-        oldest = self._oldest(context, self._forces, slice(-_FEET, None))
+        oldest = self._oldest(context, self._forces, slice(self._size, None))
         output.SetFromVector(oldest)
 
     def _oldest(self, context, port: Input, part: slice) -> np.ndarray:
-        """The `part` of the buffer; without a delay the value of the `port`."""
-        if self._ticks:
-            return context.get_discrete_state(self._past).value()[part]
-        return port(context)
+        """The `part` of the oldest sample; the value of the `port` if none."""
+        now, past = port(context), context.get_discrete_state(self._past)
+        samples = past.value().reshape(-1, self._size + _FEET)[:, part]
+        known = samples[~np.isnan(samples[:, 0])]
+        return known[-1] if len(known) else now

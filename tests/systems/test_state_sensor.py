@@ -29,7 +29,7 @@ def sensed(imperfections, ticks, seed=0, shift=0.0):
         for i in range(ticks)
     ]
     outputs = "measured_state", "measured_foot_forces"
-    return told(sensor, PERIOD, inputs, *outputs, start=sensor.fill)
+    return told(sensor, PERIOD, inputs, *outputs)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 5])
@@ -46,7 +46,6 @@ def test_a_copy_goes_on_with_its_buffer():
     sensor = StateSensor(PLANT, Imperfections(delay=3 * PERIOD), PERIOD)
     inputs = {"state": standing_state(), "foot_forces": FORCES}
     walk, context = running(sensor, **inputs)
-    sensor.fill(context)
     walk.AdvanceTo(5 * PERIOD)
     pushed = {"state": standing_state() + 1.0, "foot_forces": FORCES + 1.0}
     fix(sensor, context, **pushed)
