@@ -4,12 +4,14 @@ Of the protocol of the Nadia paper's Fig. 10: a push of 0.1 s at 25 % of the
 first right swing, while stepping in place.
 """
 
+import numpy as np
 import pytest
 
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
-from tests.diagrams.simulated import judged
+from nadia_balance.robot.model import load_robot
+from tests.diagrams.simulated import judged, simulated
 
 ALL = "all_with_cross_over"
 PUSH = "pushes: [{delta_v: 0.0, at: right swing 25 %}]"
@@ -54,3 +56,15 @@ def test_step_and_timing_together_recover_most(delta_v, names):
     """Oracle: the order of the Atlas paper's Fig. 6, pushed outward."""
     qp, all_ = IcpStepQpParams(), ATLAS_MECHANISMS
     assert {n for n in all_ if recovers(n, 270.0, delta_v, qp)} == names
+
+
+@pytest.mark.parametrize("robot", ["nadia", "g1"])
+def test_robots_of_any_size_have_fallen_at_the_same_lean(robot):
+    """Oracle: 0.9 CoM heights to the nearer of two feet that stand."""
+    push = "{delta_v: 1.5, direction_deg: 30, at: 0.5 s}"
+    run = simulated(f"{{robot: {robot}, pushes: [{push}]}}", "lipm")
+    x, y = np.abs(run.logs["com_state"][:, :2]).T
+    model = load_robot(robot, "realistic").point_mass
+    lean = np.hypot(x, y - 0.5 * model.step_width) / model.com_height
+    assert run.summary["reason"].startswith("fell: CoM out of reach")
+    assert lean[-2] < 0.9 < lean[-1] < 0.95
