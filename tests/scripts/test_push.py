@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.results import pages
 from nadia_balance.scripts import command_line, push
 from nadia_balance.systems.signals import PushSignal
 from tests.scripts.running import assert_refused, run_script, summary_of
 
 QUICK = ["--plant", "lipm", "--no-meshcat"]
-
-
-@pytest.fixture(autouse=True)
-def no_plots(monkeypatch):
-    """They are tested with the results, and take longer than the runs."""
-    monkeypatch.setattr(pages, "write_plots", lambda *_: [])
 
 
 @pytest.fixture
