@@ -13,7 +13,7 @@ from pydrake.common.yaml import yaml_load_file
 from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check, scaled
-from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.plan.gait import Gait, swing_sides, walking_start
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.push import Moment, Push, random_pushes
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, NAMED
@@ -71,8 +71,7 @@ class Scenario:
     seed: int = bounded(0, least=0, most=2**32 - 1)
     # Recovery mechanisms that are on.
     mechanisms: str = bounded("icp_only", one_of=tuple(NAMED))
-    # Complete steps after a push with an ICP error below 5 cm that a recovery
-    # requires.
+    # Whole steps with an ICP error below 5 cm that a recovery requires.
     calm_steps: int = bounded(0, least=0, most=100)
     # Largest torso tilt of a recovery; not used with `ideal` fidelity.
     max_torso_tilt_deg: float = bounded(
@@ -120,11 +119,12 @@ class Scenario:
         walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
-        steps = self.gait.num_steps or self.gait.steps or self.gait.footholds
+        sides = swing_sides(self.gait)
         for push in self.pushes:  # it must begin
             moment, what = push.moment, f"at = {push.at!r}: must"
-            if moment.phase and not steps:
-                raise ValueError(f"{what} come with steps in the gait")
+            if moment.phase and moment.swing not in sides[push.after_steps :]:
+                what += f" come in the gait's {len(sides)} steps, for"
+                raise ValueError(f"{what} after_steps = {push.after_steps}")
             if moment.phase is None and not moment.time < self.duration:
                 end = f"duration = {self.duration} s"
                 raise ValueError(f"{what} be before {end}")

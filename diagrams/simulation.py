@@ -192,8 +192,7 @@ def advance(
     `stop_at_failure` ends the run at the first improper contact or exceeded
     limit: either means that the robot does not recover.  `until` is called
     once a control period, before its update; True ends the run.
-    Ctrl-C, or an error in the simulation, ends the run early, with the log
-    until then.
+    Ctrl-C, or an error in the simulation, ends the run with the log so far.
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
     next_look, next_tick, message = 0.0, 0.0, ""

@@ -221,8 +221,7 @@ class LipmLimit:
     def _rests(self) -> tuple[list[float], list[float]]:
         """Like `_durations` [s], but the first ones are the remaining times.
 
-        The first transfer has passed in a swing; when standing, the rest of it
-        is added.
+        The first transfer has passed in a swing; standing comes before it.
         """
         state, (swings, transfers) = self.state, self._durations
         if not self._steps:

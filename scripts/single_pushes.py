@@ -57,8 +57,7 @@ class SinglePushes(Sweep):
     def attempts(self, cell: Cell, results: Results) -> list[Trial]:
         """Returns the only trial of a `cell`, unless it has results.
 
-        Limits between directions are interpolated; a left swing has their
-        mirror image.
+        Limits between directions are interpolated; mirrored for a left swing.
         """
         left = Moment.parse(cell.at).swing is Side.LEFT
         seen = -cell.direction_deg if left else cell.direction_deg

@@ -167,8 +167,7 @@ _PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
 class Imperfections:
     """Deviations of measurements, ground and model; none by default.
 
-    Noise is white and Gaussian with these standard deviations, sampled in each
-    control tick.
+    Noise is white, Gaussian, of these standard deviations, new in each tick.
     """
 
     joint_noise: float = bounded(0.0, least=0.0, most=0.1, unit="rad")

@@ -140,8 +140,7 @@ class Rows:
     def opened(cls, folder: Path, identity: dict) -> Iterator["Rows"]:
         """Yields the rows in `folder`, to be added to; creates them if need be.
 
-        At the end they are sorted: the file does not depend on the order of
-        trials.
+        At the end they are sorted, whatever the order of the trials.
 
         Raises ValueError: the rows are of another identity, or another process
         has the folder.  Raises OSError: they cannot be written.

@@ -60,8 +60,10 @@ BAD_TEXTS = {
     "mechanisms: feedback_step": "mechanisms = 'feedback_step': must go",
     "pushes: [{delta_v: 1, at: 10 s}]": "at = '10 s': must be before duration",
     "pushes: [{delta_v: 0.1, at: right swing 5 %}]": (
-        "at = 'right swing 5 %': must come with steps in the gait"
+        "at = 'right swing 5 %': must come in the gait's 0 steps, for after_st"
     ),
+    "{gait: {num_steps: 2}, pushes: [{force: 9, at: right swing 5 %, "
+    "after_steps: 1}]}": "at = 'right swing 5 %': must come in the gait's 2 s",
 }
 
 

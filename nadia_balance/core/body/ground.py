@@ -134,18 +134,9 @@ class Ground(walking.Immutable):
         parts = (part for part in self.footholds(foot.yaw) if len(part))
         return any(convex.contains(foot.p_WF[:2], p, _ROUNDING) for p in parts)
 
-    def nearest(
-        self, point: Array, yaw: float, within: Array | None = None
-    ) -> Array | None:
-        """Returns the foothold (2,) [m] closest to `point` (2,), or None.
-
-        If `within` (n, 2) [m] is given, the foothold is in that polygon.
-        """
-        parts = [part for part in self.footholds(yaw) if len(part)]
-        if within is not None:
-            parts = [convex.intersection(part, within) for part in parts]
-        points = [convex.project(point, part) for part in parts if len(part)]
-        return min(points, key=lambda p: math.dist(p, point), default=None)
+    def nearest(self, point: Array, yaw: float) -> Array | None:
+        """Returns the foothold (2,) [m] closest to `point` (2,), or None."""
+        return _closest(point, self.footholds(yaw))
 
     def footholds_within(
         self, polygon: Array, yaw: float, lowest: float, highest: float
@@ -162,11 +153,12 @@ class Ground(walking.Immutable):
                 yield index, part
 
     def region_under(self, foot: walking.FootPose) -> Region | None:
-        """Returns the region that contains the whole sole, or None."""
-        corners = foot.outline(self.sole)
+        """Returns the region that contains the whole sole on it, or None."""
         for region in self.regions:
+            corners = replace(foot, normal=region.unit_normal)
             if not region.obstacle and all(
-                convex.contains(p, region.polygon, _ROUNDING) for p in corners
+                convex.contains(p, region.polygon, _ROUNDING)
+                for p in corners.outline(self.sole)
             ):
                 return region
         return None
@@ -242,18 +234,31 @@ def steps_on(
 
 
 def moved_to(
-    ground: Ground, step: walking.Footstep, within: Iterable[Array]
+    ground: Ground,
+    step: walking.Footstep,
+    within: Iterable[Array],
+    height: float = 0.0,
+    rise: float = math.inf,
 ) -> walking.Footstep | None:
     """Returns the step at the nearest foothold in the first feasible polygon.
 
-    Polygons (n, 2) [m] in W, in order; None if none contains a foothold.
+    Polygons (n, 2) [m] in W, in order; None if none contains a foothold that is
+    at most `rise` [m] above or below `height` [m].
     """
     p, yaw = step.pose.p_WF, step.pose.yaw
     for polygon in within:
-        point = ground.nearest(p[:2], yaw, polygon)
+        levels = yaw, height - rise, height + rise
+        parts = ground.footholds_within(polygon, *levels)
+        point = _closest(p[:2], (part for _, part in parts))
         if point is not None:
             return replace(step, pose=ground.pose(point, yaw, float(p[2])))
     return None
+
+
+def _closest(point: Array, parts: Iterable[Array]) -> Array | None:
+    """Returns the point (2,) of polygons closest to `point`; None if empty."""
+    points = [convex.project(point, part) for part in parts if len(part)]
+    return min(points, key=lambda p: math.dist(p, point), default=None)
 
 
 def _on_region(

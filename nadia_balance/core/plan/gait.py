@@ -150,6 +150,12 @@ def middle(feet: FootPoses) -> FootPose:
     return FootPose(0.5 * (left.p_WF + right.p_WF), left.yaw + 0.5 * turn)
 
 
+def swing_sides(gait: Gait) -> list[Side]:
+    """Returns the swing foot of each step of the `gait`."""
+    anywhere = FootPoses(walking.ORIGIN, walking.ORIGIN)
+    return [side for side, _ in _poses(gait, anywhere)]
+
+
 def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
     frame = middle(feet)
     if gait.footholds:
@@ -226,8 +232,10 @@ def within_reach(
     for step in commanded[:_NEXT]:
         stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
         p_F = mirror * stance.to_sole(step.pose.p_WF[None, :2])[0]
-        if reach.in_base_region(*p_F) and reach.in_base_region(
-            *_scaled(p_F, reach, 1.0 / share)
+        rise = abs(step.pose.p_WF[2] - stance.p_WF[2]) if ground else 0.0
+        within = p_F, _scaled(p_F, reach, 1.0 / share)
+        if rise <= reach.rise_max + _ROUNDING and all(
+            reach.in_base_region(*p) for p in within
         ):
             share = 1.0
         else:
@@ -235,10 +243,11 @@ def within_reach(
             xy = stance.to_world((mirror * project(p_F, region))[None])[0]
             p_WF = np.append(xy, step.pose.p_WF[2])
             step = replace(step, pose=replace(step.pose, p_WF=p_WF))
-            if ground is not None and not ground.allows(step.pose):
-                within = (region, base_region(reach))
-                parts = [in_world(part, stance, step.side) for part in within]
-                step = terrain.moved_to(ground, step, parts) or step
+            if ground is not None:
+                both = region, base_region(reach)
+                parts = [in_world(part, stance, step.side) for part in both]
+                of = step, parts, float(stance.p_WF[2]), reach.rise_max
+                step = terrain.moved_to(ground, *of) or step
             share = reach.return_share
         feet = feet.with_foot(step.side, step.pose)
         steps.append(step)

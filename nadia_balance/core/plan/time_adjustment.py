@@ -31,8 +31,7 @@ class TimingAdapterParams:
     # transfer.  With 0 some pushes end in falls: the clock cannot go back.
     swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
     transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
-    # Below this ICP error the clock is not adjusted, and the ICP does not count
-    # as leaving.
+    # Below this ICP error the clock is not adjusted, and no ICP is leaving.
     icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
     min_swing_duration: float = bounded(0.25, above=0.0, unit="s")
     min_transfer_duration: float = bounded(0.03, above=0.0, unit="s")
@@ -50,8 +49,7 @@ class TimingAdapterParams:
     def least_rest_of_swing(self, duration: float, elapsed: float) -> float:
         """Least rest [s] of a swing of `duration` [s] after `elapsed` [s].
 
-        The rest of the foot's motion is sped up by at most sigma (Atlas paper,
-        Eq. 13).
+        The rest of the foot's motion is sped up by sigma (Atlas paper, Eq. 13).
         Erratum: as printed, sigma has no upper bound.
         """
         return max(

@@ -261,13 +261,13 @@ def _over_edges(
     It is that of `end` (3, 4) unless the sole would collide with an edge: then
     the quintic to `landing` (3, 1) clears the point of deepest penetration.
     """
-    times = _CHECKED[:-1] * over
+    times = _CHECKED[:-1] * min(over, left)
     xy = quintic(start[:, XY], end[:, XY], np.full(2, over), times)[0]
     z = quintic(start[:, Z], end[:, Z], np.full(1, left), times)[0]
     short = edges.needed(xy) - z[:, 0]
     worst = int(short.argmax())
     t = float(times[worst, 0])
-    if short[worst] <= 0.0 or t < _SOON:
+    if short[worst] <= 0.0 or min(t, left - t) < _SOON:
         return end[:, Z]
     via = z[worst] + short[worst]
     return end_beyond(start[:, Z], landing, left, via, t)

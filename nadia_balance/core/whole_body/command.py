@@ -317,8 +317,7 @@ def max_normal_force(
 
     That of a landed foot rises to the weight in `loading_time` of contact.
     That of the trailing foot falls from the weight in the last part of a
-    transfer before a step.  A transfer that waits for the ICP has no bound on
-    it.
+    transfer before a step, unless the transfer waits for the ICP.
     """
     schedule, weight = state.schedule, model.mass * GRAVITY
     if (

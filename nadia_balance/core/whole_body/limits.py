@@ -28,8 +28,7 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
     along `length` [m].  The cone is exact for four corners with a friction
     pyramid |f_x|, |f_y| <= friction * f_z each.  Rows: 4 friction, 4 centre
     of pressure, 8 yaw moment (Caron, Pham, Nakamura, Stability of surface
-    contacts for humanoid robots, ICRA 2015, Eqs. 15-19).  All arguments are
-    positive.
+    contacts for humanoid robots, ICRA 2015, Eqs. 15-19).
     """
     x, y, mu = 0.5 * length, 0.5 * width, friction
     signs = list(itertools.product((1.0, -1.0), repeat=2))

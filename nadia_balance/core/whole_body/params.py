@@ -142,8 +142,7 @@ class WholeBodyQpParams:
     )
     # Damping of the joints while the QP has no solution.
     failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    # Share of the speed limits; the reserve is for deviations of the robot from
-    # the model.
+    # Share of the speed limits; the reserve is for what the model misses.
     max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
     crossing_turn: CrossingTurnParams = bounded(CrossingTurnParams)
 

@@ -95,8 +95,7 @@ class WholeBodyQp:
     ) -> WholeBodySolution:
         """Returns the solution of the QP, relaxed if it is infeasible.
 
-        `last_torques` (nj,) [N m], if given, are the start of the torque rate
-        limit.
+        `last_torques` (nj,) [N m], if given, are those of the rate limit.
 
         Raises ValueError: NaN or infinity in `terms` or `command`.
         """

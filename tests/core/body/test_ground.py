@@ -58,7 +58,15 @@ def test_the_nearest_foothold_is_on_the_nearest_region():
         assert math.dist(found, point) == pytest.approx(best, abs=0.015)
         pose = ground.pose(found, 0.3, 0.0)
         assert pose.p_WF[2] == ground.region_under(pose).height
-    assert ground.nearest(point, 0.3, rectangle(0.1, 0.1)) is None
+
+
+def test_a_foothold_at_an_edge_is_on_its_slope():
+    """Oracle: the slope; a level sole there would not fit on it."""
+    slope = square("up", normal=[-0.2, 0.1, 1.0])
+    ground = Ground((slope,), SOLE, margin=0.0)
+    for corner in ground.footholds(0.4)[0]:
+        foot = ground.pose(0.9999 * corner, 0.4, 0.7)
+        assert foot.normal == pytest.approx(slope.unit_normal)
 
 
 def test_a_sole_across_an_edge_is_on_no_region():

@@ -78,6 +78,16 @@ def test_steps_after_an_adjusted_one_are_on_the_regions_as_well():
     p = found[0].pose.p_WF
     assert GROUND.region_under(found[0].pose) is not None
     assert math.dist(p[:2], [0.2, -0.2]) < 1.1
+    # Where the reach ends is a region; another is too high above the foot.
+    for x, z, name in (
+        (-0.5, 0.0, "start"),
+        (0.2, 0.0, "right"),
+        (0.2, -0.2, "start"),
+    ):
+        away = FEET.with_foot(steps[0].side, FootPose([x, -0.2, z]))
+        found = within_reach(steps[1:2], away, REACH, steps[0], ground=GROUND)
+        region = GROUND.region_under(found[0].pose)
+        assert region.name == name and found[0].pose.p_WF[2] == region.height
     # Nothing is in reach: it stays where the reach ends.
     far = FEET.with_foot(steps[0].side, FootPose([-3.0, -0.2, 0.0]))
     found = within_reach(steps[1:2], far, REACH, steps[0], ground=GROUND)

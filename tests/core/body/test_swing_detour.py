@@ -225,6 +225,25 @@ def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
     assert motion[1, 2] == pytest.approx(-FOOT_PARAMS.touchdown_velocity)
 
 
+def test_a_foot_that_brakes_beside_an_edge_does_not_jump():
+    """Oracle: by hand: from 0.8 to 0.2 m/s on 9 mm takes 33 m/s^2."""
+    step = (
+        square("low", -0.75, side=2.0),
+        square("up", 1.25, side=2.0, height=0.15),
+    )
+    ground = Ground(step, SOLE)
+    schedule = swing(ground, (-0.1, -0.125), (0.45, -0.125), 0.7)
+    edges = edges_on_way(schedule, ground, FOOT_PARAMS.clearance)
+    detour = SwingDetourParams(max_acceleration=45.2)
+    model = replace(MODEL, ground=ground, detour=detour)
+    foot = swing_foot.SwingFoot(FOOT_PARAMS, model, 0.004)
+    start = np.zeros((3, 4))
+    start[0, :3] = schedule.footsteps[0].pose.p_WF + [-0.06, 0.0, 0.009]
+    start[1, :3] = 0.3, 0.0, -0.8
+    motion, _ = foot.motion(start, WalkingState(schedule, 0.66, 0.66), edges)
+    assert motion[0, 2] == pytest.approx(start[0, 2] - 0.8 * 0.004, abs=4e-4)
+
+
 def test_no_edge_is_on_level_ground_and_on_a_slope():
     """Oracle: by hand."""
     slope = square("slope", side=3.0, height=0.1, normal=[-0.17, 0.0, 1.0])
