@@ -48,8 +48,10 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		--times 5.9 10.5 16.3 --azimuth 60 --elevation 18 --distance 4.6 \
 		--width 270 --height 300 --out docs/ground.png
 	cp $(MADE)/figures/nadia_figure_4.png docs/capture_regions.png
-	$(BIN)/jupyter execute --inplace --NotebookClient.record_timing=False \
-		docs/learning.ipynb
+	cd docs && ../$(BIN)/python -c 'import nbclient, nbformat; \
+		book = nbformat.read("learning.ipynb", 4); \
+		nbclient.NotebookClient(book, record_timing=False).execute(); \
+		nbformat.write(book, "learning.ipynb")'
 	$(BIN)/python docs/figures/reference.py
 	$(BIN)/python -c 'import sys; \
 		from nadia_balance.scripts.sweep import code_hash; \

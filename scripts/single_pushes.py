@@ -23,7 +23,14 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.scripts.sweep import Cell, Results, Rows, Trial, limits
+from nadia_balance.scripts.sweep import (
+    TRIALS,
+    Cell,
+    Results,
+    Rows,
+    Trial,
+    limits,
+)
 from nadia_balance.scripts.sweep.report import outcomes, table
 from nadia_balance.scripts.sweep.search import AT, Sweep
 
@@ -166,6 +173,11 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         raise ValueError(f"{given}: {why}")
     name, most = args.scenario_name, args.mechanisms or list(MECHANISMS)[-1]
     scenario = envelope.scenario_of(args, name)
+    known = limits.known_limits(folder := Path(args.limits), "limits")
+    made = Rows.read(folder).identity if (folder / TRIALS).exists() else {}
+    if (of := made.get("robot", scenario.robot)) != scenario.robot:
+        why = f"must be of {scenario.robot}, not of {of}"
+        raise ValueError(f"limits = '{folder}': {why}")
     random = args.directions is None and args.at is None
     asked = {"directions": args.directions or "12", "at": args.at or AT}
     sweep = SinglePushes(
@@ -177,7 +189,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         directions=envelope.directions(asked),
         at=envelope.moments(asked),
         mechanisms=(most,),
-        known_limits=limits.known_limits(Path(args.limits)),
+        known_limits=known,
     )
     sweep.validate()
     sweep.curve()

@@ -16,8 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from unittest import mock
 
+from nadia_balance.core.body.ground import GroundError
 from nadia_balance.core.math.bounds import UNBOUNDED
-from nadia_balance.core.plan.gait import Gait
+from nadia_balance.core.plan.gait import Foothold, Gait, StepVector
 from nadia_balance.core.walking.push import Push
 from nadia_balance.core.walking.vocabulary import Mechanisms
 from nadia_balance.diagrams.scenario import (
@@ -248,9 +249,13 @@ def page() -> str:
     kinds = (
         ("", Scenario),
         ("gait.", Gait),
+        ("gait.step.", StepVector),
+        ("gait.steps[].", StepVector),
+        ("gait.footholds[].", Foothold),
         ("pushes[].", Push),
         ("imperfections.", Imperfections),
         ("terrain.", Terrain),
+        ("terrain.error.", GroundError),
         ("place.", Place),
     )
     lines = [

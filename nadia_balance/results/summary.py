@@ -35,8 +35,7 @@ class RunInfo:
     fidelity: str = "realistic"  # or ideal
     engine: str = "drake"  # or mujoco
     seed: int = 0
-    # Direction (0 forward, 90 left) and size [m/s] of the scenario's first
-    # push.
+    # Direction (0 forward, 90 left) and size [m/s] of the first push.
     direction_deg: float | None = None
     delta_v: float | None = None
     commanded_steps: int = 0  # by the gait, without the one that closes it

@@ -122,8 +122,7 @@ Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 def inputs(system: LeafSystem, *names: str) -> list[Input]:
     """Declares input ports for the SIGNALS of these names, in their order.
 
-    A string may have several; a signal `name?` is None while it is not
-    connected.
+    A string may have several; `name?` is None while it is not connected.
     """
     found = []
     for name in " ".join(names).split():

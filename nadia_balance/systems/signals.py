@@ -119,8 +119,7 @@ TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
 
 # What blocks tell each other, by the names of the ports: the size of a vector,
 # its namedview, or the type of a Python value.  Points and forces are in W, and
-# left comes before right.  Those that a robot's number of joints determines are
-# not here.
+# left comes before right.  Those of the size of a robot are not here.
 SIGNALS: dict[str, int | type] = {
     "adjustment": walking.Adjustment,  # None while `step` is off
     "alip_icp": 2,  # the icp with the momentum about the contact [m]

@@ -203,7 +203,7 @@ def limits_of(
     return limit, replace(limit, kappa=kappa)
 
 
-def known_limits(folder: Path) -> dict[Cell, float]:
+def known_limits(folder: Path, flag: str = "from") -> dict[Cell, float]:
     """Limits [m/s] of a sweep's limits.csv; ValueError or OSError: none."""
     found = {}
     try:
@@ -217,5 +217,5 @@ def known_limits(folder: Path) -> dict[Cell, float]:
     except (csv.Error, KeyError, TypeError, ValueError):
         found = {}  # of one that is no sweep's, nothing is known
     if not found:
-        raise ValueError(f"from = {str(folder)!r}: must have a {LIMITS}")
+        raise ValueError(f"{flag} = {str(folder)!r}: must have a {LIMITS}")
     return found

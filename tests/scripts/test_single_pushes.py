@@ -100,6 +100,13 @@ def test_refuses_what_has_no_meaning(tmp_path, capsys):
     argv = ["--limits", FIG10, "--out", tmp_path]
     refused = run_script(single_pushes, [*argv, "--share", 0], capsys)
     assert_refused(refused, "pushes = 1000, share = 0.0: must be in ")
-    of_another = [*argv, "--scenario_name", "atlas_in_place_slow"]
-    refused = run_script(single_pushes, of_another, capsys)
-    assert_refused(refused, "limits: must have some of atlas_in_place_slow")
+    for name, message in (
+        (
+            "atlas_in_place_slow",
+            f"limits = '{FIG10}': must be of atlas, not of",
+        ),
+        ("push_standing", "limits: must have some of push_standing"),
+    ):
+        of_another = [*argv, "--scenario_name", name]
+        refused = run_script(single_pushes, of_another, capsys)
+        assert_refused(refused, message)

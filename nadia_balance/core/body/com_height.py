@@ -40,11 +40,9 @@ def leg_reach(
     It is ComHeight.height_limit solved for the step, with flat soles and the
     hips half-way, at the lowest CoM of the height plan, with legs of the
     largest length or an outward angle of `lean` [rad]; `com_height` [m] is that
-    above the soles when standing.  For Nadia it agrees with the paper's Sec.
-    VII to 1 %.
+    above the soles when standing.  Nadia's are those of Sec. VII to 1 %.
 
-    Raises ValueError: the legs are straight at the lowest CoM, or the hips on
-    the ground.
+    Raises ValueError: legs are straight at the lowest CoM, or hips too low.
     """
     params = params or ComHeightParams()
     above_ankle = legs.com_above_hip + legs.ankle_height
@@ -98,16 +96,13 @@ class ComHeight:
 
         It follows from Pythagoras for a leg of `max_stretch` times its length
         and a horizontal distance of `reach_ratio` times that of the feet, less
-        `hip_width` sideways, as seen from the foot for which it is longer.  It
-        is between `min_height_ratio` and 1 times the nominal height.
+        `hip_width` sideways.  It is between `min_height_ratio` and 1 times the
+        nominal height.
         """
         params, legs = self.params, self.model.legs
-        away = 0.0
-        for foot, to in (stance, other), (other, stance):
-            x, y = foot.to_sole(to.p_WF[None, :2])[0]
-            aside = max(abs(y) - legs.hip_width, 0.0)
-            away = max(away, math.hypot(x, aside))
-        reach = params.reach_ratio * away
+        x, y = stance.to_sole(other.p_WF[None, :2])[0]
+        aside = max(abs(y) - legs.hip_width, 0.0)
+        reach = params.reach_ratio * math.hypot(x, aside)
         squared = (params.max_stretch * legs.length) ** 2 - reach**2
         leg, nominal = math.sqrt(max(squared, 0.0)), self.model.com_height
         limit = legs.ankle_height + leg + legs.com_above_hip

@@ -96,8 +96,7 @@ def cop_waypoints(
 
     In a transfer the CoP moves via mid-transfer to the entry of the new stance
     foot; in a swing via the ball to the exit, where it stays; at the end it
-    rests midway between the soles.  `sole` (k, 2) [m] are the corners of
-    either sole.
+    rests midway between the soles, with the corners `sole` (k, 2) [m].
 
     Raises ValueError: a swing without a footstep, or no sole within the margin.
     """

@@ -269,8 +269,7 @@ def plan_icp(
     """Returns the plan of the present phase and of the footsteps after it.
 
     The plan solves Eq. 4 of the Nadia paper for linear CoP segments.  It starts
-    with the CoM, CoP and ICP of schedule.start and ends at rest between the
-    feet.
+    with the CoM, CoP and ICP of schedule.start and ends at rest midway.
     Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
     so that the reference ICP would jump whenever a new plan takes over.
 

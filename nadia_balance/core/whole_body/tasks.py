@@ -53,8 +53,7 @@ class MomentumTask:
 
     The task for the horizontal force is its direction, from the eCMP to the
     CoM, at any magnitude.  With a task for the horizontal force itself, a
-    sinking robot would tilt, and a braking one would jump.  Angular momentum
-    is damped.
+    sinking robot would tilt, a braking one jump.  Angular momentum is damped.
     """
 
     name = "momentum"
