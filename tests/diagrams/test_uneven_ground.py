@@ -92,7 +92,7 @@ def test_one_region_everywhere_gives_the_very_bits_of_flat_ground(tmp_path):
     (tmp_path / "large.yaml").write_text(f"regions: [{{name: a, {side}}}]")
     logs = []
     for name in "flat", str(tmp_path / "large.yaml"):
-        text = f"{{terrain: {{name: {name}}}, {EARLY % 'num_steps: 2'}}}"
+        text = f"{{terrain: {{name: {name}}}, {EARLY % 'num_steps: 3'}}}"
         scenario = load_scenario("push", text=text, duration=1.4)
         scenario.pushes[0].after_steps = 0
         logs.append(run_of(scenario).logs)
