@@ -119,9 +119,9 @@ class Scenario:
         walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
-        sides = swing_sides(self.gait)
         for push in self.pushes:  # it must begin
             moment, what = push.moment, f"at = {push.at!r}: must"
+            sides = swing_sides(self.gait) if moment.phase else []
             if moment.phase and moment.swing not in sides[push.after_steps :]:
                 what += f" come in the gait's {len(sides)} steps, for"
                 raise ValueError(f"{what} after_steps = {push.after_steps}")

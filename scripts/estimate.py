@@ -80,6 +80,8 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
             table = np.genfromtxt(path, **_CSV)
             parts = [np.array([table[c] for c in of]).T for of in columns]
             log = dict(zip(SENSED, parts, strict=True)) | {"t": table["t"]}
+        elif path.suffix != ".npz":
+            raise ValueError("by its name it is neither")
         else:
             with np.load(path, allow_pickle=False) as data:
                 names = {"t", *SENSED, *({"state"} & {*data})}

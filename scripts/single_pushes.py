@@ -23,14 +23,8 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.scripts.sweep import (
-    TRIALS,
-    Cell,
-    Results,
-    Rows,
-    Trial,
-    limits,
-)
+from nadia_balance.scripts.sweep import TRIALS, Cell, Results, Rows, Trial
+from nadia_balance.scripts.sweep.limits import LIMITS, known_limits
 from nadia_balance.scripts.sweep.report import outcomes, table
 from nadia_balance.scripts.sweep.search import AT, Sweep
 
@@ -142,7 +136,7 @@ def main(argv: list[str] | None = None) -> int:
     share = {"type": command_line.finite, "default": 0.6}
     add("--share", **share, help=f"of the limits {shown}")
     folder = {"type": command_line.place, "metavar": "FOLDER"}
-    about = f"with a {limits.LIMITS} {shown}"
+    about = f"with a {LIMITS} {shown}"
     add("--limits", **folder, default="docs/results/fig10", help=about)
     add("--pushes", type=int, default=1000, help=f"at random {shown}")
     for name in ("--directions", "--at"):
@@ -173,7 +167,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         raise ValueError(f"{given}: {why}")
     name, most = args.scenario_name, args.mechanisms or list(MECHANISMS)[-1]
     scenario = envelope.scenario_of(args, name)
-    known = limits.known_limits(folder := Path(args.limits), "limits")
+    known = known_limits(folder := Path(args.limits), "limits")
     made = Rows.read(folder).identity if (folder / TRIALS).exists() else {}
     if (of := made.get("robot", scenario.robot)) != scenario.robot:
         why = f"must be of {scenario.robot}, not of {of}"

@@ -9,7 +9,7 @@ from nadia_balance.results.measurements import measure_estimate
 from nadia_balance.scripts import estimate
 from nadia_balance.scripts.estimate import FILES, SENSED
 from tests.diagrams.simulated import EARLY, simulated
-from tests.scripts.running import run_script
+from tests.scripts.running import assert_refused, run_script
 from tests.whole_body_examples import nadia
 
 
@@ -91,3 +91,11 @@ def test_a_wrong_log_is_refused(log, tmp_path, capsys, name, spoil, message):
     (line,) = found.err
     assert re.search(f"^estimate.py: {message}", line), line
     assert not any((tmp_path / "out").glob("*"))
+
+
+def test_a_log_of_another_kind_is_refused(tmp_path, capsys):
+    """Oracle: the line, by hand; NumPy's tells to load it unsafely."""
+    (tmp_path / "log.txt").write_text("t,gyro_x\n")
+    found = run_script(estimate, [tmp_path / "log.txt"], capsys)
+    assert_refused(found, f"log = {tmp_path}/log.txt: must be a CSV or npz")
+    assert "unsafely" not in found.err[0]

@@ -155,10 +155,12 @@ class Ground(walking.Immutable):
     def region_under(self, foot: walking.FootPose) -> Region | None:
         """Returns the region that contains the whole sole on it, or None."""
         for region in self.regions:
-            corners = replace(foot, normal=region.unit_normal)
-            if not region.obstacle and all(
-                convex.contains(p, region.polygon, _ROUNDING)
-                for p in corners.outline(self.sole)
+            within = region.polygon, _ROUNDING
+            if region.obstacle or not convex.contains(foot.p_WF[:2], *within):
+                continue
+            lies = replace(foot, normal=region.unit_normal)
+            if all(
+                convex.contains(p, *within) for p in lies.outline(self.sole)
             ):
                 return region
         return None
