@@ -29,7 +29,7 @@ from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 from nadia_balance.scripts.sweep import TRIALS, Rows, limits, report, trial
-from nadia_balance.scripts.sweep.search import AT, HEADROOM, SearchParams, Sweep
+from nadia_balance.scripts.sweep.search import AT, SearchParams, Sweep
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
@@ -53,8 +53,7 @@ def main(argv: list[str] | None = None) -> int:
         return _report(rows, scenarios)
     with parser.refusing():
         sweep = sweep_from(args)
-        if args.known is not None:
-            sweep.known_limits = limits.known_limits(args.known)
+        sweep.first = limits.first_pushes(sweep)
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     args.out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
     return carry_out(
@@ -87,13 +86,9 @@ def parser_of() -> command_line.CommandLine:
     add("--replicas", type=int, help=about)
     command_line.scenario_flags(parser, name="the protocol's")
     add = parser.add_argument_group("running").add_argument
-    about = f"march up from {HEADROOM:g} m/s below the limits in FOLDER/"
-    about += f"{limits.LIMITS}, which an earlier sweep found, not from zero"
-    folder = {"type": place, "metavar": "FOLDER"}
-    add("--from", dest="known", **folder, help=about)
     running_flags(add, "envelopes/<date>_<protocol>")
     about = f"only write what follows from FOLDER/{TRIALS}"
-    add("--plot-only", **folder, help=about)
+    add("--plot-only", type=place, metavar="FOLDER", help=about)
     return parser
 
 

@@ -37,6 +37,7 @@ class SinglePushes(Sweep):
     """A sweep whose cells have one push each, a share of a known limit."""
 
     share: float  # of the limits [-]
+    known_limits: dict[Cell, float]  # of a sweep [m/s]
     drawn: dict[Cell, Push]  # body and length at random; empty: no such
 
     def cells(self) -> list[Cell]:
@@ -162,12 +163,11 @@ def main(argv: list[str] | None = None) -> int:
 def sweep_from(args: argparse.Namespace) -> SinglePushes:
     """Returns the sweep of the flags; ValueError names an invalid one."""
     if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
-        why = "must be in [1, 100000] and (0, 3]"
         given = f"pushes = {args.pushes}, share = {args.share}"
-        raise ValueError(f"{given}: {why}")
+        raise ValueError(f"{given}: must be in [1, 100000] and (0, 3]")
     name, most = args.scenario_name, args.mechanisms or list(MECHANISMS)[-1]
     scenario = envelope.scenario_of(args, name)
-    known = known_limits(folder := Path(args.limits), "limits")
+    known = known_limits(folder := Path(args.limits))
     made = Rows.read(folder).identity if (folder / TRIALS).exists() else {}
     if (of := made.get("robot", scenario.robot)) != scenario.robot:
         why = f"must be of {scenario.robot}, not of {of}"

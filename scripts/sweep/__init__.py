@@ -72,10 +72,7 @@ FROM_SUMMARY = (
 )
 
 KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
-COLUMNS = (
-    *(*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push"),
-    "cpu_s",  # differs between runs of the same trial
-)
+COLUMNS = (*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push")
 _TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
 
 

@@ -16,10 +16,11 @@ from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
 from nadia_balance.scripts.sweep import MOST, Cell, Rows, Situation, results_of
-from nadia_balance.scripts.sweep.search import AT, SearchParams, limit
+from nadia_balance.scripts.sweep.search import AT, SearchParams, Sweep, limit
 from nadia_balance.scripts.sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records
+BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
 # The paper's; those of any controller, without and with angular momentum.
 OTHERS = ("paper", "limit", "with_hips")
 # Columns of a row; a record has the worst at the largest recovered push.
@@ -203,7 +204,22 @@ def limits_of(
     return limit, replace(limit, kappa=kappa)
 
 
-def known_limits(folder: Path, flag: str = "from") -> dict[Cell, float]:
+def first_pushes(sweep: Sweep) -> dict[Cell, float]:
+    """Returns the first push of each cell, `BEGIN` times the limit with hips.
+
+    Raises ValueError: the push is not within the walk.
+    """
+    most: dict[Situation, LipmLimit] = {}
+    first = {}
+    for cell in sweep.cells():
+        if (one := cell[:2]) not in most:
+            _, most[one] = limits_of(sweep.scenarios[one[0]], one, sweep.plant)
+        limit = replace(most[one], on=vocabulary.NAMED[cell.mechanisms])
+        first[cell] = BEGIN * limit.largest_push(cell.direction_deg).delta_v
+    return first
+
+
+def known_limits(folder: Path) -> dict[Cell, float]:
     """Limits [m/s] of a sweep's limits.csv; ValueError or OSError: none."""
     found = {}
     try:
@@ -217,5 +233,5 @@ def known_limits(folder: Path, flag: str = "from") -> dict[Cell, float]:
     except (csv.Error, KeyError, TypeError, ValueError):
         found = {}  # of one that is no sweep's, nothing is known
     if not found:
-        raise ValueError(f"{flag} = {str(folder)!r}: must have a {LIMITS}")
+        raise ValueError(f"limits = {str(folder)!r}: must have a {LIMITS}")
     return found

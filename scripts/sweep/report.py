@@ -93,13 +93,11 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
-    hours = sum(row["cpu_s"] or 0.0 for row in rows.all) / 3600.0
     complete = sum(record["complete"] for record in limits.records)
     done = {
         "1 m/s": f"{model.mass:.1f} N s, {1.0 / speed:.3f} sqrt(g z)",
         "limits": f"{complete} of {len(limits.records)} complete",
         "trials": outcomes(rows),
-        "core-hours": f"{hours:.2f}",
         **{name: str(value) for name, value in limits.identity.items()},
     }
     parts = [

@@ -22,7 +22,6 @@ from nadia_balance.core.walking.vocabulary import MECHANISMS
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.scripts.sweep import Cell, Results, Trial, digest, of_process
 
-HEADROOM = 0.16  # distance of the first push below a known limit [m/s]
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 
 
@@ -60,8 +59,7 @@ class Sweep:
     at: tuple[str, ...] = (AT,)  # as Moment writes it
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
     search: SearchParams = field(default_factory=SearchParams)
-    # Known limits [m/s]; the search begins slightly below them.
-    known_limits: dict[Cell, float] = field(default_factory=dict)
+    first: dict[Cell, float] = field(default_factory=dict)  # pushes [m/s]
 
     def validate(self) -> None:
         """Raises ValueError that names field, value and what is allowed."""
@@ -89,8 +87,7 @@ class Sweep:
 
     def attempts(self, cell: Cell, results: Results) -> list[Trial]:
         """Returns the trials of a `cell` to make next; empty when done."""
-        first = self.known_limits.get(cell, 0.0) - HEADROOM
-        return next_batch(results, self.search, max(first, 0.0))
+        return next_batch(results, self.search, self.first.get(cell, 0.0))
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """Returns the scenario of a trial, with a zero push.

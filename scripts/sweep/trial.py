@@ -6,7 +6,6 @@ import logging
 import os
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent import futures
 
@@ -139,10 +138,9 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
     an improper contact, an exceeded limit, or a recovery.  `outcome` is
     recovered, fell, failed (upright, but not recovered), undecided (the run
     ended too early) or error.  Errors of the simulation are not raised but
-    reported in the row.  `cpu_s` is the processor time [s], with that of the
-    walk in its first trial.
+    reported in the row.
     """
-    began, walk = time.thread_time(), sweep.walk(cell, replica)
+    walk = sweep.walk(cell, replica)
     row = cell._asdict() | {"delta_v": delta_v, "replica": replica}
     row["seed"] = walk.seed
     system = sweep.plant, sweep.controller, threading.get_ident()
@@ -154,7 +152,7 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         row |= {"outcome": "error", "reason": reason}
-    return row | {"cpu_s": time.thread_time() - began}
+    return row
 
 
 @functools.lru_cache(MOST_WALKS)

@@ -32,11 +32,15 @@ CONTROL = ComHeight(PARAMS, MODEL)
 GROUND = 0.3
 
 
-def schedule(phase, apart=0.0, step=0.0) -> ContactSchedule:
-    """Left stance; right foot `apart` behind, to step `step` ahead."""
+def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
+    """Left stance; right foot `apart` behind, to step `step` ahead, turned."""
     left, right, ahead = (
-        FootPose([x, y, GROUND])
-        for x, y in ((0.0, 0.125), (-apart, -0.125), (step, -0.125))
+        FootPose([x, y, GROUND], turn)
+        for x, y, turn in (
+            (0.0, 0.125, 0.0),
+            (-apart, -0.125, 0.0),
+            (step, -0.125, yaw),
+        )
     )
     return replace(
         example_walks.standing(FootPoses(left, right)),
@@ -56,11 +60,12 @@ def test_feet_that_no_height_reaches_give_the_lowest_height():
     assert high.start == GROUND + PARAMS.min_height_ratio * NOMINAL
 
 
-def test_the_height_is_continuous_over_a_walk():
+@pytest.mark.parametrize("yaw", [0.0, 0.4, -0.4])
+def test_the_height_is_continuous_over_a_walk(yaw):
     """Oracle: one phase ends where the next one begins, at rest."""
-    first = plan(Phase.SWING, apart=0.0, step=0.5)
+    first = plan(Phase.SWING, apart=0.0, step=0.5, yaw=yaw)
     # Landed: the right foot, now 0.5 m ahead of the left, takes the weight.
-    landed = schedule(Phase.SWING, step=0.5)
+    landed = schedule(Phase.SWING, step=0.5, yaw=yaw)
     feet = landed.feet.with_foot(Side.RIGHT, landed.footsteps[0].pose)
     swings = replace(landed, support_side=Side.RIGHT, feet=feet)
     second = CONTROL.plan(replace(swings, phase=Phase.TRANSFER))

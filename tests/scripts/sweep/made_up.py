@@ -95,7 +95,6 @@ def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
         "positive_power_w": 2000.0,
         "qp_failures": 0,
         "predicted_at_push": 2 if recovered else -1,
-        "cpu_s": 1.5,
     }
 
 
@@ -166,8 +165,3 @@ def stepping_sweep(duration: float = 3.5) -> Sweep:
 def cell_to(direction: float, mechanisms: str = "step") -> Cell:
     """The cell of a direction [deg]."""
     return Cell(*AT, mechanisms, direction)
-
-
-def facts(row: dict) -> dict:
-    """What does not depend on how busy the machine is."""
-    return {k: v for k, v in row.items() if k != "cpu_s"}

@@ -70,7 +70,9 @@ HEAD = "scenario,at,mechanisms,direction_deg,recovered\npush,1 s,step,"
 def test_what_is_no_limit_is_refused(text, tmp_path):
     """Oracle: no push is below zero, and no direction beyond 360 deg."""
     (tmp_path / "limits.csv").write_text(text)
-    with pytest.raises(ValueError, match="^from = .*: must have a limits.csv"):
+    with pytest.raises(
+        ValueError, match="^limits = .*: must have a limits.csv"
+    ):
         known_limits(tmp_path)
 
 

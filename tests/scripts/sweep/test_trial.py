@@ -13,7 +13,7 @@ from nadia_balance.scripts.sweep import trial as module
 from nadia_balance.scripts.sweep.search import Sweep
 from nadia_balance.scripts.sweep.trial import open_workers, run_trial
 from tests.diagrams import simulated
-from tests.scripts.sweep.made_up import PATIENCE, cell_to, facts, stepping_sweep
+from tests.scripts.sweep.made_up import PATIENCE, cell_to, stepping_sweep
 
 CELL = cell_to(120.0)
 
@@ -112,14 +112,14 @@ def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     monkeypatch.setattr(module, "LocalCluster", cluster)
     sweep, cell = stepping_sweep(), cell_to(120.0)
     trials = (sweep, cell, 0.4, 1), (sweep, cell, 2.5, 0)
-    expected = [facts(run_trial(*trial)) for trial in trials]
+    expected = [run_trial(*trial) for trial in trials]
     with open_workers(1) as executor:
         address = executor._client.scheduler.address
         with open_workers(1, address) as remote:
             futures = [remote.submit(run_trial, *trial) for trial in trials]
-            rows = [facts(future.result(PATIENCE)) for future in futures]
+            rows = [future.result(PATIENCE) for future in futures]
         pid = executor.submit(os.getpid).result(PATIENCE)
         future = executor.submit(run_trial, *trials[0])
         os.kill(pid, signal.SIGKILL)
-        again = facts(future.result(PATIENCE))
+        again = future.result(PATIENCE)
     assert [*rows, again] == [*expected, expected[0]]
