@@ -29,7 +29,7 @@ _CSV = {"delimiter": ",", "names": True, "deletechars": ""}
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
-    codes = "0 estimated, 1 lost, 2 bad input, 4 cannot write."
+    codes = "0 estimated, 1 lost, 2 bad input, 4 cannot write, 130 Ctrl-C."
     parser = command_line.CommandLine(__file__, __doc__, codes)
     path, about = command_line.place, "npz or CSV, see docs/sensors.md"
     parser.add_argument("log", type=path, help=about)

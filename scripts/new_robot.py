@@ -70,7 +70,7 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
 
 
 def _parser() -> command_line.CommandLine:
-    codes = "0 it walks in place (or --no-walk), 1 it does not, 2 bad input."
+    codes = "0 it walks, 1 not, 2 bad input, 4 cannot write, 130 Ctrl-C."
     parser = command_line.CommandLine(__file__, __doc__, codes)
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
     add, path = parser.add_argument, command_line.place

@@ -85,7 +85,7 @@ def _read(file: Path, roots: Sequence[Path], notes) -> robots.Description:
     try:
         top = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:
-        raise ValueError(f"malformed XML: {error}") from None
+        raise ValueError(f"{file}: must be XML ({error})") from None
     if top.tag == "mujoco":
         return read_mjcf(file, notes)
     return read_urdf(top, file, roots, notes)

@@ -69,7 +69,7 @@ def test_a_robot_that_does_not_walk_says(file, tmp_path, capsys, monkeypatch):
     "argv, message",
     [
         (["none.urdf"], "[Errno 2] No such file or directory: 'none.urdf'"),
-        ([__file__], "malformed XML: "),
+        ([__file__], f"{__file__}: must be XML ("),
         (["FILE", "--fix", "tail"], "fix = 'tail': must match a joint"),
         (["FILE", "--fix", "("], "fix = '(': must be a regular expression"),
         (["FILE", "--package-root", "none"], "package-root = none: must be"),
