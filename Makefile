@@ -127,6 +127,7 @@ clean:
 	$(PIP_INSTALL) .
 	$(BIN)/python -m pip uninstall --quiet --yes setuptools  # of Python 3.11
 	$(BIN)/python -c 'import pydrake.common' || sh .ci/apt libglib2.0-0
+	@find .venv -path '*/pip/*' -name '*.pyc' -delete  # 8 MB
 	@touch $@
 
 .venv/installed-test: .venv/installed
