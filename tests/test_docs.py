@@ -29,7 +29,6 @@ from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope import sweep_from
 from tests import run_cache
 from tests.results import made_up_run
-from tests.run_cache import data
 from tests.source_files import ROOT, imports
 from tests.test_fuzz import leaves
 
@@ -49,9 +48,6 @@ CELLS = [
 MAKERS = {"simulate": scenario_from, "envelope": sweep_from}
 MAKERS["push"] = push._pushed_scenario
 
-# What an example may come upon, see run_cache.
-MODULES = tuple(f"nadia_balance.{home}" for home in nb._HOME.values())
-
 
 def blocks(text: str, language: str) -> list[str]:
     """The code in this language in a Markdown `text`."""
@@ -60,8 +56,7 @@ def blocks(text: str, language: str) -> list[str]:
 
 def once(page: str, block: str, make: Callable, more: str = ""):
     """What comes of a block of a page; made once, see run_cache."""
-    modules = page, *MODULES, *imports(ast.parse(block))
-    return run_cache.once(modules, block + more + data(), make)
+    return run_cache.once(page, block + more, make)
 
 
 def said_by(code: str) -> str:

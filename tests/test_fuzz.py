@@ -17,7 +17,6 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts import command_line, push
 from tests import run_cache
-from tests.run_cache import data
 from tests.scripts.running import run_script
 
 NUMBER = int(os.environ.get("BAD_INPUTS", "16"))
@@ -110,8 +109,7 @@ def test_bad_input_is_refused_in_one_line(seed, tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(command_line.simulation, "advance", accept)
     monkeypatch.chdir(tmp_path)
-    given = f"{seed} {data()}"
-    argv, outcome, ran = run_cache.once(("tests.test_fuzz",), given, said)
+    argv, outcome, ran = run_cache.once(__name__, str(seed), said)
     assert outcome.code == 2, (argv, outcome)
     assert len(outcome.err) == 1, (argv, outcome)
     assert not ran

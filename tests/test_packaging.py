@@ -109,10 +109,7 @@ sys.modules.update(dict.fromkeys({EXTRAS}))
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory) -> tuple:
-    """The files in the wheel, and what comes of it; made once, see run_cache.
-
-    It follows from the files that are packed.
-    """
+    """What is in the wheel, and comes of it; made once, see run_cache."""
 
     def make() -> tuple:
         folder = tmp_path_factory.mktemp("wheel")
@@ -123,9 +120,7 @@ def outcome(tmp_path_factory) -> tuple:
         elsewhere = tmp_path_factory.mktemp("elsewhere")
         return names, *tried_elsewhere(bin_folder, elsewhere)
 
-    packed = {**FILES, "project": ROOT / "pyproject.toml"}
-    given = (f"{name}\n{file.read_bytes()}" for name, file in packed.items())
-    return run_cache.once(("tests.test_packaging",), "\n".join(given), make)
+    return run_cache.once(__name__, str(PROJECT), make)
 
 
 def test_the_wheel_carries_every_file_in_one_package(outcome):

@@ -8,24 +8,11 @@ import pytest
 
 from tests import run_cache
 
-CODE = {
-    "runs.py": '"""Runs."""\nfrom core.sums import total\n',
-    "core/sums.py": "from core import numbers\n\n\ndef total(): return 1\n",
-    "core/numbers.py": "ONE = 1\n",
-    "plots.py": "from core import numbers\n",
-}
-
-
-@pytest.fixture(autouse=True)
-def empty(tmp_path, monkeypatch):
-    """A cache of which nobody knows."""
-    monkeypatch.setattr(run_cache, "folder", tmp_path / "kept")
-    monkeypatch.setattr(run_cache, "_made", {})
-
 
 @pytest.fixture
-def once(monkeypatch):
+def once(tmp_path, monkeypatch):
     """Asks as if for the first time, and returns what was made, and read."""
+    monkeypatch.setattr(run_cache, "folder", tmp_path / "kept")
     made = []
 
     def make():
@@ -35,36 +22,9 @@ def once(monkeypatch):
 
     def ask(given="{}"):
         monkeypatch.setattr(run_cache, "_made", {})
-        return run_cache.once(("tests.source_files",), given, make)
+        return run_cache.once("tests", given, make)
 
     return ask
-
-
-def code_of(folder, **changes):
-    """The fingerprint of runs.py, with other contents of some files."""
-    for name, text in {**CODE, **changes}.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
-    return run_cache.code_of("runs", places=(folder,))
-
-
-@pytest.mark.parametrize(
-    ("file", "text", "is_same"),
-    [
-        ("core/numbers.py", "ONE = 2\n", False),
-        ("core/numbers.py", "ONE = 1  # the first\n", True),
-        ("runs.py", CODE["runs.py"].replace("Runs", "What runs"), True),
-        ("plots.py", "print()\n", True),
-        ("docs.md", "Words.\n", True),
-    ],
-)
-def test_the_code_is_all_that_is_imported_but_for_its_words(
-    file, text, is_same, tmp_path
-):
-    """Oracle: by hand."""
-    before = code_of(tmp_path / "before")
-    after = code_of(tmp_path / "after", **{file: text})
-    assert (before == after) == is_same
 
 
 def test_whoever_comes_second_waits_and_reads(once):
@@ -72,6 +32,14 @@ def test_whoever_comes_second_waits_and_reads(once):
     with ThreadPoolExecutor() as pool:
         assert list(pool.map(once, ["{}"] * 2)) == [0, 0]
     assert [once(), once("other"), once()] == [0, 1, 0]
+
+
+def test_what_other_sources_made_is_gone(once, monkeypatch):
+    """Oracle: made again; one folder."""
+    assert once() == 0
+    monkeypatch.setattr(run_cache, "sources", lambda: "others")
+    assert [once(), once()] == [1, 1]
+    assert [path.name for path in run_cache.folder.iterdir()] == ["others"]
 
 
 @pytest.mark.parametrize("spoil", [b"", b"0" * 1000, None])

@@ -9,7 +9,6 @@ from nadia_balance.core.math.daqp_solver import DaqpSolver
 from nadia_balance.diagrams.simulation import start
 from tests import run_cache
 from tests.diagrams.simulated import diagram_of
-from tests.run_cache import data
 
 TICKS = 100
 TEXT = "{mechanisms: all_with_cross_over, gait: {num_steps: 6}}"
@@ -59,6 +58,6 @@ def test_a_tick_does_no_more_than_it_did(name):
 
     That are feedback and whole body; two soles and the torso.
     """
-    work = run_cache.once(("tests.test_tick_work",), data(), counted)
+    work = run_cache.once(__name__, "", counted)
     least = {"quadratic programs": 2.0, "Jacobians": 3.0}
     assert least.get(name, 0.0) <= work[name] <= BOUNDS[name]

@@ -1,6 +1,5 @@
 """Real runs that tests look at: each is simulated once (see run_cache)."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
@@ -8,7 +7,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.results.summary import Run
-from nadia_balance.robot.model import MODELS, load_robot_params
+from nadia_balance.robot.model import load_robot_params
 from tests import run_cache
 
 # Fields of a scenario by which the first foot is lifted at 0.45 s already.
@@ -48,7 +47,7 @@ def run_of(scenario: Scenario, plant: str = "humanoid") -> Run:
             raise KeyboardInterrupt
         return done
 
-    found = run_cache.once((__name__,), all_of(scenario, plant), run)
+    found = run_cache.once(__name__, all_of(scenario, plant), run)
     for values in found.logs.values():
         values.flags.writeable = False
     return found
@@ -57,22 +56,7 @@ def run_of(scenario: Scenario, plant: str = "humanoid") -> Run:
 def all_of(scenario: Scenario, plant: str) -> str:
     """The scenario, and all that is in the files that it names."""
     params, urdf = load_robot_params(scenario.robot)
-    known = "terrain/flat.urdf", "sensors/sensors.yaml"
-    files, terrain = [urdf, *map(MODELS.joinpath, known)], scenario.terrain
-    scenario = replace(scenario, description="", robot=params.name)
-    if Path(terrain.name).is_file():
-        files.append(Path(terrain.name))
-        scenario.terrain = replace(terrain, name="file")
+    files = filter(Path.is_file, [urdf, Path(scenario.terrain.name)])
     texts = [path.read_text(encoding="utf-8") for path in files]
     dumped = map(yaml_dump_typed, (scenario, params))
     return "\n".join([plant, *dumped, *texts])
-
-
-def figures(text: str = "{}", plant: str = "humanoid") -> dict:
-    """The summary of that scenario."""
-    return judged(scenario_of(text), plant)
-
-
-def judged(scenario: Scenario, plant: str = "humanoid") -> dict:
-    """The summary of a scenario."""
-    return run_of(scenario, plant).summary

@@ -48,7 +48,7 @@ def pushed(side, direction):
 def once(text, make):
     """What `make` returns of this scenario; made once, see run_cache."""
     given = runs.all_of(runs.scenario_of(text), make.__name__)
-    return run_cache.once(("tests.diagrams.test_humanoid",), given, make)
+    return run_cache.once(__name__, given, make)
 
 
 @pytest.mark.parametrize("text", STANDS)
@@ -106,7 +106,7 @@ def measured_wrench(results: mbp.ContactResults, body, p_WF) -> np.ndarray:
 
 def test_walks_where_it_is_told():
     """Oracle: the footholds, and the bars: 2 cm beside them, 5 mm of slip."""
-    found = runs.figures(WALK)
+    found = runs.simulated(WALK).summary
     assert found["recovered"]
     assert found["steps_taken"] == 3
     assert found["footstep_error_m"] < 0.02
@@ -122,7 +122,7 @@ def test_takes_a_shove_without_a_step(degrees, impulse):
         f"{{duration: 1.3, pushes: [{{force: {10 * impulse}, at: 0.1 s, "
         f"direction_deg: {degrees}}}]}}"
     )
-    found = runs.figures(text)
+    found = runs.simulated(text).summary
     assert found["recovered"]
     assert found["steps_taken"] == 0
     assert found["max_icp_error_m"] > 0.06

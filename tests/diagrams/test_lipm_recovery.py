@@ -11,7 +11,7 @@ from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
-from tests.diagrams.simulated import judged, simulated
+from tests.diagrams.simulated import run_of, simulated
 
 ALL = "all_with_cross_over"
 PUSH = "pushes: [{delta_v: 0.0, at: right swing 25 %}]"
@@ -29,7 +29,7 @@ def recovers(mechanisms, direction, delta_v, qp=None) -> bool:
     (push,) = scenario.pushes
     push.direction_deg, push.delta_v = direction, delta_v
     scenario.controller.icp_step_qp = qp
-    found = judged(scenario, "lipm")
+    found = run_of(scenario, "lipm").summary
     return found["recovered"] and found["steps_after_push"] >= 4
 
 

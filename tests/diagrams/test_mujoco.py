@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.simulation import start
-from tests.diagrams.simulated import EARLY, diagram_of, figures, simulated
+from tests.diagrams.simulated import EARLY, diagram_of, simulated
 
 PUSHED = (
     "{engine: mujoco, duration: 2.8, calm_steps: 0, mechanisms: step, "
@@ -16,7 +16,7 @@ PUSHED = (
 
 def test_recovers_by_steps():
     """Oracle: the verdict, that of any engine."""
-    found = figures(PUSHED)
+    found = simulated(PUSHED).summary
     assert found["recovered"], found["reason"]
     assert found["max_torque_ratio"] <= 1.0 + 1e-8
     assert found["stance_slip_m"] < 0.002

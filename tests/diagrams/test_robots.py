@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
-from tests.diagrams.simulated import EARLY, diagram_of, figures, simulated
+from tests.diagrams.simulated import EARLY, diagram_of, simulated
 
 PERIOD = 0.004
 SHOVE = "pushes: [{delta_v: 0.3, at: 0.1 s, direction_deg: 90}]"
@@ -26,13 +26,13 @@ def test_real_torques_lag_behind_the_commanded():
     commanded, torques = logs["actuation"], logs["torques"]
     left = math.exp(-2.0 * math.pi * 40.0 * PERIOD)
     expected = commanded + left * (torques - commanded)
-    assert figures(realistic)["max_joint_speed_ratio"] < 0.5
+    assert simulated(realistic).summary["max_joint_speed_ratio"] < 0.5
     assert torques[1:] == pytest.approx(expected[:-1], abs=1e-9)
     assert np.array_equal(torques[0], commanded[0])
     logs = simulated(ideal).logs
     assert not diagram_of(ideal).HasSubsystemNamed("joint_drives")
     assert np.array_equal(logs["torques"], logs["actuation"])
-    assert figures(ideal)["max_joint_speed_ratio"] == 0.0
+    assert simulated(ideal).summary["max_joint_speed_ratio"] == 0.0
 
 
 def test_walks_in_place_with_all_imperfections():
@@ -76,11 +76,11 @@ def test_atlas_recovers_from_what_the_paper_shows_for_nadia():
     Outward it is pushed in test_stories.  The QP meets its torque limits to
     1e-8 (core/math/qp.py).
     """
-    found = figures(
+    found = simulated(
         "{robot: atlas, mechanisms: all_with_cross_over, duration: 3.5, "
         f"{EARLY % 'num_steps: 4'}, pushes: "
         "[{delta_v: 0.41, at: right swing 25 %, direction_deg: 90.0}]}"
-    )
+    ).summary
     assert found["recovered"], found["reason"]
     assert found["steps_after_push"] >= 3
     assert found["max_torque_ratio"] <= 1.0 + 1e-8

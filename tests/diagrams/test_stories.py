@@ -11,7 +11,7 @@ from nadia_balance.core.body.reachability import FORWARD, ReachabilityParams
 from nadia_balance.core.body.reachability import cross_over_region as crossed
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
-from tests.diagrams.simulated import judged, run_of, soon
+from tests.diagrams.simulated import run_of, soon
 
 CROSSING = ReachabilityParams()
 HALF_WIDTH, BACK = 0.125, 0.03  # of a stance; back at its foothold [m]
@@ -50,7 +50,8 @@ class Story:
 
 
 def told(scenario: Scenario, plant: str = "humanoid") -> Story:
-    return Story(run_of(scenario, plant).logs, judged(scenario, plant))
+    run = run_of(scenario, plant)
+    return Story(run.logs, run.summary)
 
 
 def tell(name: str, duration: float) -> Story:

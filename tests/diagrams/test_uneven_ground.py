@@ -7,7 +7,7 @@ from pydrake.math import RotationMatrix
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results import Log, steps
 from nadia_balance.robot.model import RobotModel, load_robot
-from tests.diagrams.simulated import EARLY, judged, run_of, soon
+from tests.diagrams.simulated import EARLY, run_of, soon
 
 STILE = """
 regions:
@@ -26,7 +26,7 @@ def robot() -> RobotModel:
 
 def walked(scenario) -> Log:
     """The log of its run, which obeys all limits."""
-    found = judged(scenario)
+    found = run_of(scenario).summary
     assert found["outcome"] == "recovered", found["reason"]
     return run_of(scenario).logs
 

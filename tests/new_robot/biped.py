@@ -172,7 +172,7 @@ def make_once(file: Path, folder: Path, **options) -> Notes:
 
     here = file.parent
     given = [*_files_in(here), str(options).replace(str(here.resolve()), "")]
-    notes, files = run_cache.once(("tests.new_robot.biped",), str(given), make)
+    notes, files = run_cache.once(__name__, str(given), make)
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)

@@ -69,9 +69,7 @@ def once(folder, *argv):
     files = sorted(file for path in folders for file in path.iterdir())
     words = [word for word in argv if word not in folders]
     before = [f.read_text("utf-8") for f in files if f.suffix != ".png"]
-    given = f"{words} {before} {run_cache.data()}"
-    modules = ("tests.scripts.test_envelope",)
-    outcome, files = run_cache.once(modules, given, ran)
+    outcome, files = run_cache.once(__name__, f"{words} {before}", ran)
     for name, data in files.items():
         (folder / name).write_bytes(data)
     return outcome

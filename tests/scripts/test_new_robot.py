@@ -8,7 +8,6 @@ from nadia_balance.scripts import new_robot
 from tests import run_cache
 from tests.diagrams.simulated import EARLY
 from tests.new_robot.biped import Biped
-from tests.run_cache import data
 from tests.scripts.running import assert_refused, run_script
 
 
@@ -39,8 +38,7 @@ def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
     def walked():
         return run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
 
-    modules = "tests.scripts.test_new_robot", "nadia_balance.new_robot.make"
-    outcome = run_cache.once(modules, short + data(), walked)
+    outcome = run_cache.once(__name__, short, walked)
     assert (outcome.code, outcome.err) == (0, [])
     words = {line.partition(": ")[0] for line in outcome.out}
     assert {"guessed", "changed", "unknown"} <= words

@@ -142,7 +142,7 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
             return simulate(closed_loop(scenario), scenario.duration)
 
     key = runs.all_of(scenario, "humanoid")
-    run = run_cache.once((__name__,), key, misled)
+    run = run_cache.once(__name__, key, misled)
     assert not run.error
     assert run.fell_at is None
     found = measurements.measure_estimate(run.logs)

@@ -34,7 +34,7 @@ def judged(sweep, delta_v, cell=CELL, replica=0):
     scenario.pushes[0].delta_v = delta_v
     scenario.pushes[0].direction_deg = cell.direction_deg
     run = simulated.run_of(scenario, sweep.plant)
-    return run, simulated.judged(scenario, sweep.plant)
+    return run, run.summary
 
 
 def standing(text, plant):
