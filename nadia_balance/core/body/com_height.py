@@ -96,15 +96,13 @@ class ComHeight:
 
         It follows from Pythagoras for a leg of `max_stretch` times its length
         and a horizontal distance of `reach_ratio` times that of the feet, less
-        `hip_width` sideways, as seen from the foot for which it is longer.  It
-        is between `min_height_ratio` and 1 times the nominal height.
+        `hip_width` sideways.  It is between `min_height_ratio` and 1 times the
+        nominal height.
         """
         params, legs = self.params, self.model.legs
-        reach = 0.0
-        for foot, to in (stance, other), (other, stance):
-            x, y = foot.to_sole(to.p_WF[None, :2])[0]
-            aside = max(abs(y) - legs.hip_width, 0.0)
-            reach = max(reach, params.reach_ratio * math.hypot(x, aside))
+        x, y = stance.to_sole(other.p_WF[None, :2])[0]
+        aside = max(abs(y) - legs.hip_width, 0.0)
+        reach = params.reach_ratio * math.hypot(x, aside)
         squared = (params.max_stretch * legs.length) ** 2 - reach**2
         leg, nominal = math.sqrt(max(squared, 0.0)), self.model.com_height
         limit = legs.ankle_height + leg + legs.com_above_hip

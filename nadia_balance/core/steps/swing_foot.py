@@ -163,11 +163,11 @@ class SwingFoot:
     def _time_to_descend(self, height: float, descent: float) -> float:
         """Returns the least time [s] to touchdown from a `height` [m].
 
-        The foot, which descends at `descent` [m/s], negative if it rises,
-        accelerates and brakes to the touchdown velocity, with `_GENTLE` of the
-        largest deceleration: the quintic has a higher peak.
+        The foot, which descends at `descent` [m/s], accelerates and brakes to
+        the touchdown velocity, with `_GENTLE` of the largest deceleration: the
+        quintic has a higher peak.  0 for a foot that rises.
         """
-        if height <= 0.0:
+        if height <= 0.0 or descent <= 0.0:
             return 0.0
         slow = self.params.touchdown_velocity
         a = _GENTLE * self.model.detour.max_braking

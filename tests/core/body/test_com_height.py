@@ -32,15 +32,11 @@ CONTROL = ComHeight(PARAMS, MODEL)
 GROUND = 0.3
 
 
-def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
-    """Left stance; right foot `apart` behind, to step `step` ahead, turned."""
+def schedule(phase, apart=0.0, step=0.0) -> ContactSchedule:
+    """Left stance; right foot `apart` behind, to step `step` ahead."""
     left, right, ahead = (
-        FootPose([x, y, GROUND], turn)
-        for x, y, turn in (
-            (0.0, 0.125, 0.0),
-            (-apart, -0.125, 0.0),
-            (step, -0.125, yaw),
-        )
+        FootPose([x, y, GROUND])
+        for x, y in ((0.0, 0.125), (-apart, -0.125), (step, -0.125))
     )
     return replace(
         example_walks.standing(FootPoses(left, right)),
@@ -60,12 +56,11 @@ def test_feet_that_no_height_reaches_give_the_lowest_height():
     assert high.start == GROUND + PARAMS.min_height_ratio * NOMINAL
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.4, -0.4])
-def test_the_height_is_continuous_over_a_walk(yaw):
+def test_the_height_is_continuous_over_a_walk():
     """Oracle: one phase ends where the next one begins, at rest."""
-    first = plan(Phase.SWING, apart=0.0, step=0.5, yaw=yaw)
+    first = plan(Phase.SWING, apart=0.0, step=0.5)
     # Landed: the right foot, now 0.5 m ahead of the left, takes the weight.
-    landed = schedule(Phase.SWING, step=0.5, yaw=yaw)
+    landed = schedule(Phase.SWING, step=0.5)
     feet = landed.feet.with_foot(Side.RIGHT, landed.footsteps[0].pose)
     swings = replace(landed, support_side=Side.RIGHT, feet=feet)
     second = CONTROL.plan(replace(swings, phase=Phase.TRANSFER))
