@@ -22,7 +22,7 @@ import numpy as np
 from tests.source_files import ROOT
 
 PACKAGES = ("drake", "numpy", "scipy", "mujoco", "daqp", "trimesh")
-FOLDERS = ("nadia_balance", "diagrams", "models", "scripts", "tests")
+FOLDERS = "nadia_balance diagrams docs/figures models scripts tests".split()
 
 folder: Path | None = None  # None: what is made is not kept on disk
 _made: dict[str, Any] = {}
@@ -65,7 +65,8 @@ def sources() -> str:
     """A fingerprint of the project's files, and of what runs them."""
     texts = [json.dumps(np.show_config("dicts")), platform.python_version()]
     texts += [f"{package} {version(package)}" for package in PACKAGES]
-    paths = (path for name in FOLDERS for path in (ROOT / name).rglob("*.*"))
+    paths = {path for name in FOLDERS for path in (ROOT / name).rglob("*.*")}
+    paths.add(ROOT / "pyproject.toml")  # of the wheel
     for path in sorted(filter(Path.is_file, paths)):
         if path.suffix != ".pyc":
             texts += [str(path), _digest(path.read_bytes())]

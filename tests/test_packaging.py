@@ -120,7 +120,7 @@ def outcome(tmp_path_factory) -> tuple:
         elsewhere = tmp_path_factory.mktemp("elsewhere")
         return names, *tried_elsewhere(bin_folder, elsewhere)
 
-    return run_cache.once(__name__, str(PROJECT), make)
+    return run_cache.once(__name__, "", make)
 
 
 def test_the_wheel_carries_every_file_in_one_package(outcome):
