@@ -52,8 +52,7 @@ class Protocol:
 
     def curves(self, scenario: str) -> Curves:
         """The curves [m/s] of a gait."""
-        path = MODELS / self.robot / self.figures
-        text = path.read_text(encoding="utf-8")
+        text = (MODELS / self.robot / self.figures).read_text(encoding="utf-8")
         lines = (line for line in text.splitlines() if not line.startswith("#"))
         curves: Curves = {}
         for row in csv.DictReader(lines):
@@ -126,7 +125,7 @@ class LimitTable:
 def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
     """The limits by the rows of these scenarios; ValueError: as limits_of."""
     groups = rows.by_cell()
-    robot, plant = rows.identity["robot"], rows.identity["plant"]
+    robot = rows.identity["robot"]
     situations = sorted(
         {cell[:2] for cell in groups},
         key=lambda one: (protocol_of(robot, one) is None, one),
@@ -135,7 +134,7 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
     mechanisms = [name for name in vocabulary.NAMED if name in tried]
     records, assumptions = [], set()
     for one in situations:
-        limits = limits_of(scenarios[one[0]], one, plant)
+        limits = limits_of(scenarios[one[0]], one)
         assumptions.add(limits[0].assumptions)
         for name in mechanisms:
             on = [replace(limit, on=vocabulary.NAMED[name]) for limit in limits]
@@ -174,12 +173,11 @@ def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
 
 
 def limits_of(
-    scenario: Scenario, situation: Situation, plant: str
+    scenario: Scenario, situation: Situation
 ) -> tuple[LipmLimit, LipmLimit]:
     """Returns the limits without and with the hips, before the push.
 
-    The state is that of the point mass at the start of the push, the model that
-    of `plant`: the robot, or the simulated point mass.
+    The state is that of the point mass at the start of the push.
 
     Raises ValueError: the push is not within the walk.
     """
@@ -196,12 +194,9 @@ def limits_of(
     context, run = walk_to_push(diagram)
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")
-    if plant != "humanoid":
-        robot = diagram.robot
     more = {"model": robot.point_mass, "push_duration": push.duration}
     limit = limit_from(diagram, context, **more)
-    kappa = scenario.controller.balance.max_kappa
-    return limit, replace(limit, kappa=kappa)
+    return limit, replace(limit, kappa=scenario.controller.balance.max_kappa)
 
 
 def first_pushes(sweep: Sweep) -> dict[Cell, float]:
@@ -213,7 +208,7 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     first = {}
     for cell in sweep.cells():
         if (one := cell[:2]) not in most:
-            _, most[one] = limits_of(sweep.scenarios[one[0]], one, sweep.plant)
+            _, most[one] = limits_of(sweep.scenarios[one[0]], one)
         limit = replace(most[one], on=vocabulary.NAMED[cell.mechanisms])
         first[cell] = BEGIN * limit.largest_push(cell.direction_deg).delta_v
     return first

@@ -23,13 +23,13 @@ def test_the_walk_has_the_limit_of_an_enumeration():
     """
     scenario = load_scenario("push", fidelity="realistic")
     scenario.controller.timing_adapter.min_swing_duration = 0.35  # the file's
-    limit, with_hips = limits_of(scenario, AT, "humanoid")
+    limit, with_hips = limits_of(scenario, AT)
     found = [limit.largest_push(d).delta_v for d in (0, 90, 180, 270)]
     assert sum(found) == pytest.approx(1.99 + 1.02 + 1.99 + 1.93, rel=0.01)
     assert (limit.kappa, with_hips.kappa) == (0.0, 0.05)
     ideal = load_scenario("push", fidelity="ideal")
     ideal.controller.timing_adapter.min_swing_duration = 0.35
-    free, _ = limits_of(ideal, AT, "lipm")
+    free, _ = limits_of(ideal, AT)
     assert free.largest_push(0).delta_v == pytest.approx(3.36, rel=0.01)
 
 
@@ -87,8 +87,7 @@ def test_what_is_no_limit_is_refused(text, tmp_path):
 def test_the_limit_is_of_a_point_mass_whatever_walks(changes):
     """Oracle: the limit of the same scenario in Drake, with perfect sensors."""
     found, wanted = (
-        limits_of(load_scenario("push", **one), AT, "humanoid")[0]
-        for one in (changes, {})
+        limits_of(load_scenario("push", **one), AT)[0] for one in (changes, {})
     )
     assert found.largest_push(0).delta_v == pytest.approx(
         wanted.largest_push(0).delta_v, rel=1e-6
