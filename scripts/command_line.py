@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import webbrowser
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn, TextIO
@@ -29,6 +30,8 @@ from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)
 INTERRUPTED = 130  # by Ctrl-C, or SIGTERM
+# What reading a broken file of numbers raises.
+BROKEN = EOFError, LookupError, TypeError, ValueError, zipfile.BadZipFile
 CHAPTER = 120.0  # of a longer run, only the last is written [s]
 SHOWN_STEPS = 3  # steps simulated after a recovery, for the replay
 CODES = {"recovered": DONE, "failed": FAILED, "undecided": UNDECIDED}
@@ -148,10 +151,6 @@ class CommandLine(argparse.ArgumentParser):
             self.error(str(error))
 
 
-# Fields of a Scenario that a flag of the same name replaces.
-_FIELDS = "robot fidelity engine sensors mechanisms duration seed".split()
-
-
 def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
     """Adds the flags that choose and change the scenario, or the controller.
 
@@ -196,7 +195,8 @@ def _output_flags(parser: argparse.ArgumentParser) -> None:
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the checked scenario of the flags."""
-    changes = {field: getattr(args, field) for field in _FIELDS}
+    same = "robot fidelity engine sensors mechanisms duration seed".split()
+    changes = {name: getattr(args, name) for name in same}
     file, text = args.scenario_file, args.scenario_text
     scenario = load_scenario(args.scenario_name, file, text, **changes)
     if args.terrain is not None:
@@ -232,10 +232,7 @@ def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:
 
 
 def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
-    """Simulates, prints and writes; returns the exit code.
-
-    A long run is judged by chapters; the log of the last one is written.
-    """
+    """Simulates, by chapters, prints and writes; returns the exit code."""
     diagram = simulator.get_system()
     scenario = diagram.scenario
     if meshcat is not None and args.open:
@@ -277,10 +274,7 @@ def policy_of(args: argparse.Namespace) -> str:
 
 
 def _shows_meshcat(args: argparse.Namespace) -> bool:
-    """True with Meshcat: unless --no-meshcat, or --plant lipm without --live.
-
-    Raises ValueError: an output flag has no effect.
-    """
+    """True with Meshcat; ValueError: an output flag has no effect."""
     if args.live:
         for name in _NOT_LIVE:
             if (value := getattr(args, name, None)) not in (None, False):

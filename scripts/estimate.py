@@ -3,7 +3,6 @@
 import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import sys
-import zipfile
 from pathlib import Path
 
 import matplotlib as mpl
@@ -47,8 +46,7 @@ def main(argv: list[str] | None = None) -> int:
             height = None if args.uneven else 0.0
             q = standing(log["joints"][0], robot)
             block = StateEstimator(robot, sensors, period, q, height)
-            folder = new_folder(args.out, "estimate", FILES)
-            folder = held.enter_context(folder)
+            folder = held.enter_context(new_folder(args.out, "estimate", FILES))
             log = estimated(log, block, period)
         what = {"robot": args.robot, "mechanisms": args.log.name}
         with appearing(folder) as drafts, mpl.rc_context(RC):
@@ -93,10 +91,7 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
                 raise ValueError(f"{name} must be ({len(t)}, {size})")
         if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
             raise ValueError("t must rise in equal steps")
-    except (
-        *(EOFError, LookupError, TypeError, ValueError),
-        zipfile.BadZipFile,
-    ) as error:
+    except command_line.BROKEN as error:
         what = f"a CSV or npz as in docs/sensors.md ({error})"
         raise ValueError(f"log = {path}: must be {what}") from None
     return log

@@ -4,7 +4,6 @@ import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import io
 import sys
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from nadia_balance.typed_yaml import load_tree
 FILE, EVERY = "run.mcap", 8  # ticks from picture to picture
 POINTS = {"icp": ICP, "icp_reference": ICP_REFERENCE, "ecmp_command": COP}
 _COLOR = "phong", "diffuse", rgba(FLOOR)  # property and default
-_BROKEN = EOFError, LookupError, TypeError, ValueError, zipfile.BadZipFile
 
 
 @command_line.program
@@ -72,7 +70,7 @@ def read_run(run: Path) -> tuple[Log, dict[str, list[str]], RobotModel]:
                 if len(columns[name]) != len(usual):
                     raise ValueError(f"{name} has {len(usual)} columns")
         return log, columns, robot
-    except (OSError, *_BROKEN) as error:
+    except (OSError, *command_line.BROKEN) as error:
         what = f"the folder of a run, with log.npz, scenario.yaml ({error})"
         raise ValueError(f"run = {str(run)!r}: must be {what}") from None
 
