@@ -55,10 +55,7 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 
 
 def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
-    """Replaces the scenario's pushes by --random ones.
-
-    The gait has steps for all of them, and so has the run without --duration.
-    """
+    """Replaces the pushes by --random ones, for which gait and run are long."""
     for name in ("at", "direction", "shape"):
         if (value := getattr(args, name)) is not None:
             raise ValueError(f"{name} = {value!r}: must not come with --random")

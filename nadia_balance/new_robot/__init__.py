@@ -95,8 +95,7 @@ class Link:
 
     def move(self, X_NL: RigidTransform) -> None:
         """Changes its frame to N."""
-        M = self.M.ReExpress(X_NL.rotation())
-        self.M = M.Shift(-X_NL.translation())
+        self.M = self.M.ReExpress(X_NL.rotation()).Shift(-X_NL.translation())
         for shape in self.shapes:
             shape.X_LG = X_NL @ shape.X_LG
 

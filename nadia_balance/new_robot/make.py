@@ -218,12 +218,11 @@ def write_urdf(robot: robots.Description, ignored: Pairs, folder: Path) -> None:
         ]
         top.append(_tag("link", _inertial(link), *shapes, name=name))
     top.extend(_transmission(joint) for joint in robot.joints.values())
-    kind = f"{DRAKE}collision_filter_group"
     for i, pair in enumerate(sorted(map(sorted, ignored))):
         group = f"may_touch_{i}"
         parts = [_tag(f"{DRAKE}member", link=link) for link in pair]
         parts.append(_tag(f"{DRAKE}ignored_collision_filter_group", name=group))
-        top.append(_tag(kind, *parts, name=group))
+        top.append(_tag(f"{DRAKE}collision_filter_group", *parts, name=group))
     ElementTree.indent(top)
     file = ElementTree.ElementTree(top)
     file.write(folder / "robot.urdf", encoding="utf-8", xml_declaration=True)

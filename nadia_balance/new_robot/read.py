@@ -117,9 +117,8 @@ def _let_go(links: dict, joints: dict, notes: robots.Notes) -> None:
         for name, joint in list(joints.items()):
             ends = joint.type, joint.parent
             if ends == ("weld", "world") and joint.child in holders:
-                notes.add(
-                    "changed", "no longer welded to the world", joint.child
-                )
+                line = "no longer welded to the world"
+                notes.add("changed", line, joint.child)
                 del joints[name]
 
 
@@ -206,16 +205,12 @@ def _load(path: Path) -> trimesh.Trimesh:
     if not len(mesh.vertices):
         raise OSError(f"{path}: must be a whole STL, OBJ or Collada file")
     if path.suffix.lower() == ".dae":
-        text = path.read_bytes()
-        mesh.metadata["y up"] = b"<up_axis>Y_UP" in text[:8192]
+        mesh.metadata["y up"] = b"<up_axis>Y_UP" in path.read_bytes()[:8192]
     return mesh
 
 
 def _turn_upright(links: list, coms: list[Array], notes: robots.Notes) -> None:
-    """Turns meshes of Collada files that say "y is up", if they mean it.
-
-    They do if the centres of mass are nearer to the meshes then.
-    """
+    """Turns meshes whose files say "y is up", if nearer to the CoMs then."""
     turned, nearer = [], 0.0
     for link, com in zip(links, coms, strict=True):
         for shape in link.shapes:
