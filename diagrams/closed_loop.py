@@ -45,8 +45,7 @@ class ClosedLoop(framework.Diagram):
         super().__init__()
         self.scenario = scenario
         self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
-        size = robot.params.size
-        self._ground = scenario.terrain.ground(robot.sole, size)
+        self._ground = scenario.terrain.ground(robot.sole, robot.params.size)
 
     def _finish(
         self,
@@ -137,8 +136,7 @@ class MeasuredPoses:
         self._context = plant.CreateDefaultContext()
         feet, body = robot.foot_bodies.items(), plant.GetBodyByName
         self._soles = [(body(name), robot.X_FootSole[of]) for of, name in feet]
-        trunk = robot.torso_body, robot.pelvis_body
-        self._trunk = [plant.GetBodyByName(name) for name in trunk]
+        self._trunk = [body(robot.torso_body), body(robot.pelvis_body)]
 
     def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
         """Signals `foot_poses`, `trunk_tilt` of the `states` (n, nq + nv)."""

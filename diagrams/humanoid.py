@@ -171,8 +171,7 @@ class HumanoidDiagram(ClosedLoop):
             state = self._measured["estimated_state"]
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
-            period = scenario.controller.control_period
-            known = self.plant, errors, period, scenario.seed
+            known = self.plant, errors, self.push.period, scenario.seed
             sensor = hardware.StateSensor(*known)
             builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))

@@ -64,13 +64,12 @@ class LipmDiagram(ClosedLoop):
         swing = SwingFootPlanner(params.swing_foot, model, period)
         self.swing = add("swing_foot_planner", swing)
         self._fallen = FALLEN_DISTANCE * model.com_height
-        self.plant = add("plant", PointMassPlant(model, period, start))
+        self.plant = plant = add("plant", PointMassPlant(model, period, start))
         self.push = add("push_source", PushSource(pushes, model.mass, period))
         on = NAMED[scenario.mechanisms]
         self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
         watched = "com_state", "foot_poses"
-        self._watched = [self.plant.GetOutputPort(name) for name in watched]
-        plant = self.plant
+        self._watched = [plant.GetOutputPort(name) for name in watched]
         connect(builder, controller, self.swing, "walking_state")
         connect(builder, controller, self.push, "walking_state")
         connect(builder, controller, plant, "walking_state", "ecmp_command")
@@ -81,7 +80,7 @@ class LipmDiagram(ClosedLoop):
         if controller.HasInputPort("alip_icp"):  # without a body the same
             connect(builder, plant, controller, icp="alip_icp")
         builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
-        systems = self.plant, self.controller, self.swing, self.push
+        systems = plant, self.controller, self.swing, self.push
         more = {"mechanisms": self._mechanisms}
         self._finish(builder, meshcat, period, systems, **more)
 

@@ -107,8 +107,7 @@ class LiveSession:
         self._simulator = Simulator(self._diagram, self._first.Clone())
         if old is not None:
             controls = self._diagram.GetSubsystemByName(CONTROLS)
-            new = self._simulator.get_mutable_context()
-            controls.keep_mechanisms(old, new)
+            controls.keep_mechanisms(old, self._simulator.get_mutable_context())
         self._simulator.Initialize()
         self._story = LiveStory(self._diagram.scenario.calm_steps)
         self._looks = round(self.context.get_time() / LOOK)
@@ -137,7 +136,6 @@ class LiveSession:
 
     def _advance(self) -> None:
         self._looks += 1
-        reason = ""
         try:
             self._simulator.AdvanceTo(self._looks * LOOK)
             reason = self._diagram.fall_reason(self.context)

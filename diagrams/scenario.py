@@ -252,5 +252,4 @@ def _merged(tree: object, over: object) -> Any:
     """The YAML tree `tree` with the leaves and lists of `over` replaced."""
     if not (isinstance(tree, dict) and isinstance(over, dict)):
         return over
-    merged = {key: _merged(tree.get(key), over[key]) for key in over}
-    return tree | merged
+    return tree | {key: _merged(tree.get(key), over[key]) for key in over}

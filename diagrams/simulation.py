@@ -55,8 +55,6 @@ def _walked_by(
 
     It walks at the mean velocity of the gait, or stands if that has no steps.
     Pushes in a phase of its gait are after SETTLED steps.
-
-    Raises ValueError: the policy does not fit the robot or the scenario.
     """
     params, gait = PolicyParams(), scenario.gait
     step, time = gait.step, gait.swing_duration + gait.transfer_duration
@@ -71,9 +69,8 @@ def _walked_by(
         for push in scenario.pushes
     ]
     controller = PolicyController(robot, onnx, params)
-    return HumanoidDiagram(
-        replace(scenario, pushes=pushes), meshcat, controller
-    )
+    scenario = replace(scenario, pushes=pushes)
+    return HumanoidDiagram(scenario, meshcat, controller)
 
 
 def start(diagram: ClosedLoop) -> Simulator:
@@ -195,7 +192,7 @@ def advance(
     Ctrl-C, or an error in the simulation, ends the run with the log so far.
     """
     diagram, context = simulator.get_system(), simulator.get_mutable_context()
-    next_look, next_tick, message = 0.0, 0.0, ""
+    next_look, next_tick = 0.0, 0.0
     period = diagram.push.period
     contacts: set[str] = set()
     estimator = LostWatch()
@@ -230,7 +227,8 @@ def advance(
         except KeyboardInterrupt:
             outcome["interrupted"] = True
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
-            message = " ".join(str(error).split()) or type(error).__name__
+            message = " ".join(str(error).split())
+            outcome["error"] = message or type(error).__name__
         cpu_time = time.process_time() - began
     logs = diagram.read_logs(context)
     return Run(
@@ -240,7 +238,6 @@ def advance(
         cpu_time=cpu_time,
         missed_pushes=int(push_signal(diagram, context).waiting),
         improper_contacts=tuple(sorted(contacts)),
-        error=message,
         **outcome,
     )
 
