@@ -63,8 +63,7 @@ def measure(log: Log) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, (needs, function) in _MEASUREMENTS.items():
         value = function(log) if {*needs.split()} <= {*log} else None
-        is_array = isinstance(value, np.ndarray)
-        found[name] = largest(value) if is_array else value
+        found[name] = largest(value) if isinstance(value, np.ndarray) else value
     return found
 
 
@@ -201,9 +200,8 @@ def _sole_distance(log: Log) -> float:
     edges = 1j * (np.roll(soles, -1, axis=2) - soles).reshape(len(soles), -1)
     between = left[:, :, None] - right[:, None]
     gaps = np.zeros(len(soles))
-    for way in np.hstack(
-        (edges, -edges, between.reshape(edges.shape[0], -1))
-    ).T:
+    ways = np.hstack((edges, -edges, between.reshape(edges.shape[0], -1)))
+    for way in ways.T:
         along = (way / np.maximum(np.abs(way), 1e-12)).conj()[:, None]
         a, b = (left * along).real, (right * along).real
         gaps = np.maximum(gaps, a.min(axis=1) - b.max(axis=1))

@@ -182,8 +182,7 @@ def _curves(log: Log) -> list[list]:
         strips.append([label.format(most), [*map(list, curves)]])
 
     if "icp_reference" in log:
-        error = "ICP error, up to {:.2f} m"
-        add(logs.icp_error(log), error, [palette.ICP])
+        add(logs.icp_error(log), "ICP error, up to {:.2f} m", [palette.ICP])
     if "weight" in log:
         forces = (log["foot_forces"] / log["weight"]).T
         add(forces, "foot forces, up to {:.1f} of the weight", colors)

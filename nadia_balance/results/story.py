@@ -172,8 +172,7 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
         changes.append(_tell_time("swing", step.swing))
         if text := ", ".join(filter(None, changes)):
             which = f"{_ORDINALS.get(number, f'{number}th')} step"
-            line = f"{which} ({step.side.value}) {text}"
-            told.append((step.swing.end, line))
+            told.append((step.swing.end, f"{which} ({step.side.value}) {text}"))
     return told
 
 

@@ -44,9 +44,6 @@ class RunInfo:
     max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
 
 
-_CRITERIA = ("calm_steps", "is_long_enough", "max_torso_tilt_deg")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Run:
     """Results of a simulation."""
@@ -77,12 +74,13 @@ class Run:
         measurements = measured.measure(log)
         duration = measurements["duration_s"] or 0.0  # None without rows
         recovery_time = measured.recovery_time(log) if recovered else None
+        criteria = "calm_steps", "is_long_enough", "max_torso_tilt_deg"
         summary = {
             "outcome": outcome,
             "recovered": recovered,
             "reason": reason,
             "fell_at": self.fell_at,
-            **{n: v for n, v in vars(info).items() if n not in _CRITERIA},
+            **{n: v for n, v in vars(info).items() if n not in criteria},
             **measurements,
             "duration_s": duration,
             "recovery_time_s": recovery_time,
@@ -154,8 +152,7 @@ def _shortfall(run: Run) -> str:
     """The criterion of recovery that is not met at the end; empty if none."""
     log, required = run.logs, run.info.calm_steps
     if "icp" not in log:
-        later = log["t"][-1] - STEADY
-        late = sum(time > later for time in logs.landings(log))
+        late = sum(time > log["t"][-1] - STEADY for time in logs.landings(log))
         walks = late > 1 or not required
         return "" if walks else f"it did not step in the last {STEADY:g} s"
     if required and measured.calm_steps(log) >= required:

@@ -21,7 +21,7 @@ ROOT = "/overlay"
 FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
 REGIONS = f"{ROOT}/capture_regions"
 MIDDLE = f"{ROOT}/middle"  # no object: a target for a camera
-PERIOD = 1.0 / 32.0  # frame period [s]
+PERIOD = 1.0 / scene.FRAMES_PER_SECOND  # frame period [s]
 REGIONS_PERIOD = 1.0 / 16.0  # of the capture regions: many edges [s]
 STEPS_PER_SIDE = 2  # planned footsteps drawn per foot
 LINGER = 0.5  # extra time for which a recording shows a push [s]
@@ -166,14 +166,13 @@ class BalanceVisualizer(LeafSystem):
                 outline.place(pose and scene.sole_transform(pose), time)
 
     def _draw_sole(self, side: walking.Side, number: int, pose, time) -> None:
-        """Draws the print that step `number` left on `side`."""
         path = f"{FOOTPRINTS}/{side.value}_{number}"
-        if is_new := not self._meshcat.HasPath(path):
+        if self._meshcat.HasPath(path):
+            drawing = scene.Drawing(self._meshcat, path)
+        else:
             color = palette.rgba(palette.foot_color(side), 0.6)
             corners = scene.at_height(self._sole, 0.0)
-            scene.add_polygon(self._meshcat, path, corners, color)
-        drawing = scene.Drawing(self._meshcat, path)
-        if is_new:
+            drawing = scene.add_polygon(self._meshcat, path, corners, color)
             scene.hide_before(drawing, time, PERIOD)
         drawing.place(scene.sole_transform(pose, _PRINT), time)
 
@@ -194,8 +193,7 @@ class BalanceVisualizer(LeafSystem):
     def _draw_regions(self, context):
         """Draws the capture regions, clipped to RADIUS about the stance foot.
 
-        Long before touchdown they extend for many metres.  The nominal foothold
-        is drawn only if the adjusted one differs from it.
+        Long before touchdown they extend for many metres.
         """
         schedule = self._walking_state(context).schedule
         swings = schedule.phase is walking.Phase.SWING

@@ -125,10 +125,9 @@ def _add_floor(meshcat: Meshcat) -> None:
     ticks = np.arange(-size, size + half, _CELL)
     lines = [(x - half, x + half, -size, size) for x in ticks]
     lines += [(-size, size, y - half, y + half) for y in ticks]
-    floor = [(-size, size, -size, size)]
     # Each is one mesh of rectangles (x_min, x_max, y_min, y_max) at height z.
     for name, rectangles, z, color in (
-        ("plane", floor, -0.004, palette.FLOOR),
+        ("plane", [(-size, size, -size, size)], -0.004, palette.FLOOR),
         ("grid", lines, -0.001, palette.GRID),
     ):
         x0, x1, y0, y1 = np.transpose(rectangles)

@@ -210,9 +210,7 @@ def draw_icp(log: Log, summary: dict) -> Figure | None:
     where = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.14)}
     axes[1].legend(ncols=4, borderpad=0, **where)
     error, limit = 1000.0 * icp_error(log), 1000.0 * measured.ICP_BACK
-    last.fill_between(
-        log["t"], error, color=palette.ICP, alpha=0.2, linewidth=0
-    )
+    last.fill_between(log["t"], error, color=palette.ICP, alpha=0.2, lw=0)
     last.plot(log["t"], error, color=palette.ICP)
     last.set(ylabel="ICP error [mm]", ylim=(0.0, None))
     if max(error) > 0.5 * limit:
