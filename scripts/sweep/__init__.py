@@ -120,9 +120,8 @@ class Rows:
                 raise ValueError("its first line is of no sweep")
             found = list(csv.DictReader(io.StringIO(lines)))
             rows = list(map(_parsed, found))
-            if {row["scenario"] for row in rows} - set(
-                identity["scenario"].split(",")
-            ):
+            known = identity["scenario"].split(",")
+            if any(row["scenario"] not in known for row in rows):
                 raise ValueError("a scenario is not of the first line")
             return cls(folder, identity, rows)
         except (

@@ -125,10 +125,9 @@ class LimitTable:
 def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
     """The limits by the rows of these scenarios; ValueError: as limits_of."""
     groups = rows.by_cell()
-    robot = rows.identity["robot"]
     situations = sorted(
         {cell[:2] for cell in groups},
-        key=lambda one: (protocol_of(robot, one) is None, one),
+        key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
     mechanisms = [name for name in vocabulary.NAMED if name in tried]
@@ -175,9 +174,7 @@ def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
 def limits_of(
     scenario: Scenario, situation: Situation
 ) -> tuple[LipmLimit, LipmLimit]:
-    """Returns the limits without and with the hips, before the push.
-
-    The state is that of the point mass at the start of the push.
+    """Returns the limits without and with hips, of a point mass at its push.
 
     Raises ValueError: the push is not within the walk.
     """

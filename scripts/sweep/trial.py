@@ -145,9 +145,8 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
     row["seed"] = walk.seed
     system = sweep.plant, sweep.controller, threading.get_ident()
     diagram, walked, run = _walked(yaml_dump_typed(walk), *system)
-    direction = cell.direction_deg
     try:
-        push = simulation.pushed(diagram, walked, delta_v, direction)
+        push = simulation.pushed(diagram, walked, delta_v, cell.direction_deg)
         row |= _ended(diagram, push, run)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
