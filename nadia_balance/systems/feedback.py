@@ -143,8 +143,9 @@ class ComHeightController(LeafSystem):
     """Computes the momentum rate l_dot = m (omega^2 (c - eCMP), z_ddot).
 
     z_ddot = k_d clip(z_dot_d + k_p / k_d (z_d - z)) - k_d z_dot is a PD law on
-    the planned height, limited; the horizontal part is the pendulum's (Nadia
-    paper, Eqs. 1 and 5).  The block has no state.
+    the planned height, limited; in a swing the CoM sinks from it by k_s omega^2
+    (|icp - ecmp| - sink_distance).  The horizontal part is the pendulum's
+    (Nadia paper, Eqs. 1 and 5).  The block has no state.
 
     .. pydrake_system::
 
@@ -171,12 +172,14 @@ class ComHeightController(LeafSystem):
     def _calc_rate(self, context) -> Array:
         com = self._com(context)
         state, plan = self._walking(context), self._height.Eval(context)
-        wanted = plan[1].at(state.time_in_phase)
-        if state.schedule.phase is Phase.SWING:
-            most = self._control.stance_limit(
-                com.position[:2], com.velocity[:2], state.schedule
-            )
-            wanted = min(wanted, most)
+        wanted, sink = plan[1].at(state.time_in_phase), 0.0
         z, vz, ecmp = float(com.z), float(com.vz), self._ecmp(context).ecmp
-        az = self._control.acceleration(z, vz, *wanted)
-        return momentum_rate(com.position[:2], ecmp, az, self._model)
+        place, velocity = com.position[:2], com.velocity[:2]
+        if state.schedule.phase is Phase.SWING:
+            most = self._control.stance_limit(place, velocity, state.schedule)
+            wanted = min(wanted, most)
+            icp = place + velocity / self._model.omega
+            sole = state.schedule.feet[state.schedule.support_side].p_WF
+            sink = self._control.sinking(place, icp, ecmp, z - float(sole[2]))
+        az = self._control.acceleration(z, vz, *wanted, sink)
+        return momentum_rate(place, ecmp, az, self._model)

@@ -10,18 +10,19 @@ from nadia_balance.core.walking.vocabulary import FootPose, Side
 from nadia_balance.systems.feedback import ComHeightController
 from tests.blocks import answer, asked
 from tests.example_walks import MODEL
-from tests.systems.test_momentum_qp import FEET, TRANSFER
+from tests.systems.test_momentum_qp import FEET, SWING, TRANSFER
 
 PARAMS = ComHeightParams()
 COM, ECMP = np.array([0.01, 0.1]), np.array([0.05, -0.02])
+VELOCITY = np.array([0.2, 0.5])
 
 
-def rate(state):
-    """The momentum rate at rest at the height of the model."""
-    system = ComHeightController(PARAMS, MODEL, 0.004)
+def rate(state, params=PARAMS):
+    """The momentum rate of a level motion at the height of the model."""
+    system = ComHeightController(params, MODEL, 0.004)
     context = asked(
         system,
-        com_state=[*COM, MODEL.com_height, 0.2, 0.1, 0.0],
+        com_state=[*COM, MODEL.com_height, *VELOCITY, 0.0],
         ecmp_command=[0.3, 0.4, *ECMP],
         walking_state=state,
     )
@@ -41,3 +42,14 @@ def test_a_support_foot_on_a_stair_lifts_the_com():
     state = replace(TRANSFER, schedule=replace(TRANSFER.schedule, feet=feet))
     expected = MODEL.mass * PARAMS.position_gain * 0.01
     assert rate(state)[2] == pytest.approx(expected)
+
+
+def test_sinks_in_a_swing_as_the_icp_runs_away():
+    """Oracle: Newton's second law, with the CoM sinking by its law."""
+    still = replace(PARAMS, sink_gain=0.0)
+    away = np.linalg.norm(COM + VELOCITY / MODEL.omega - ECMP)
+    sinking = 1.8 * MODEL.omega**2 * (away - 0.2)
+    assert sinking > 1.0
+    change = rate(SWING) - rate(SWING, still)
+    assert change == pytest.approx([0.0, 0.0, -MODEL.mass * sinking])
+    assert rate(TRANSFER).tolist() == rate(TRANSFER, still).tolist()

@@ -19,7 +19,7 @@ class ComHeightParams:
     # Half of gravity, so that the feet keep their load.
     max_acceleration: float = bounded(4.9, above=0, below=GRAVITY, unit="m/s^2")
     # Bound on the commanded vertical velocity.
-    max_velocity: float = bounded(1.0, above=0.0, unit="m/s")
+    max_velocity: float = bounded(0.7, above=0.0, unit="m/s")
     # Largest distance from hip to ankle, as a share of the straight leg.
     max_stretch: float = bounded(0.97, above=0.0, most=1.0)
     # Largest horizontal distance from hip to ankle while both feet carry, as a
@@ -27,6 +27,9 @@ class ComHeightParams:
     reach_ratio: float = bounded(0.65, above=0.0, most=1.0)
     # Lowest height, as a share of the nominal one.
     min_height_ratio: float = bounded(0.8, above=0.0, most=1.0)
+    # Distance of the ICP from the eCMP beyond which the CoM sinks in a swing.
+    sink_distance: float = bounded(0.2, above=0.0, unit="m")
+    sink_gain: float = bounded(1.8, least=0.0)  # k_s [-]
 
 
 def leg_reach(
@@ -73,9 +76,14 @@ class ComHeightPlan:
     def at(self, t: float) -> tuple[float, float]:
         """Returns the height [m] and its rate [m/s] at the time `t` [s].
 
-        The height is a cubic from start to end, at rest at both and beyond.
+        A rise is a cubic, at rest at both ends and beyond.  A descent has a
+        constant acceleration, so that the CoM falls at the touchdown (see
+        `ComHeight.sinking`).
         """
         rise, s = self.end - self.start, min(max(t / self.duration, 0.0), 1.0)
+        if rise < 0.0:
+            rate = 2.0 * rise * s / self.duration if s < 1.0 else 0.0
+            return self.start + rise * s * s, rate
         return (
             self.start + rise * s * s * (3.0 - 2.0 * s),
             rise * 6.0 * s * (1.0 - s) / self.duration,
@@ -96,13 +104,16 @@ class ComHeight:
 
         It follows from Pythagoras for a leg of `max_stretch` times its length
         and a horizontal distance of `reach_ratio` times that of the feet, less
-        `hip_width` sideways.  It is between `min_height_ratio` and 1 times the
-        nominal height.
+        `hip_width` sideways, as seen from the foot for which it is longer.  It
+        is between `min_height_ratio` and 1 times the nominal height.
         """
         params, legs = self.params, self.model.legs
-        x, y = stance.to_sole(other.p_WF[None, :2])[0]
-        aside = max(abs(y) - legs.hip_width, 0.0)
-        reach = params.reach_ratio * math.hypot(x, aside)
+        away = 0.0
+        for foot, to in (stance, other), (other, stance):
+            x, y = foot.to_sole(to.p_WF[None, :2])[0]
+            aside = max(abs(y) - legs.hip_width, 0.0)
+            away = max(away, math.hypot(x, aside))
+        reach = params.reach_ratio * away
         squared = (params.max_stretch * legs.length) ** 2 - reach**2
         leg, nominal = math.sqrt(max(squared, 0.0)), self.model.com_height
         limit = legs.ankle_height + leg + legs.com_above_hip
@@ -154,17 +165,44 @@ class ComHeight:
         return lowest - above + height, -(x * vx + y * vy) / height
 
     def acceleration(
-        self, height: float, velocity: float, desired: float, rate: float
+        self,
+        height: float,
+        velocity: float,
+        desired: float,
+        rate: float,
+        sinking: float = 0.0,
     ) -> float:
         """Returns the desired vertical acceleration of the CoM [m/s^2].
 
         It is a PD law on the height, `desired` [m] with its `rate` [m/s], with
         the velocity command limited to `max_velocity` and the result to
-        `max_acceleration` (heights [m], velocities [m/s], all in W).
+        `max_acceleration`, less `sinking` [m/s^2] within both limits (heights
+        [m], velocities [m/s], all in W).
         """
-        k_p, limit = self.params.position_gain, self.params.max_velocity
+        k_p, most = self.params.position_gain, self.params.max_velocity
         k_d = 2.0 * self.params.damping_ratio * math.sqrt(k_p)
         command = rate + k_p / k_d * (desired - height)
-        command = min(max(command, -limit), limit)
+        command = min(max(command, -most), most)
         limit = self.params.max_acceleration
-        return min(max(k_d * (command - velocity), -limit), limit)
+        wanted = min(max(k_d * (command - velocity), -limit), limit)
+        wanted = max(wanted - sinking, k_d * (-most - velocity))
+        return min(max(wanted, -limit), limit)
+
+    def sinking(
+        self, com: Array, icp: Array, ecmp: Array, above: float
+    ) -> float:
+        """Returns the acceleration [m/s^2] by which the CoM sinks in a swing.
+
+        It is k_s omega^2 (|icp - ecmp| - sink_distance) while the CoM is ahead
+        of the eCMP (points (2,) [m] in W), and, at `above` [m] over the support
+        sole, above `min_height_ratio`.  The ICP leaves an eCMP, to first order,
+        as exp(omega t + omega (z_dot(t) - z_dot(0)) / (2 g)): a CoM that falls
+        at the touchdown has gained on it.
+        """
+        away, params = icp - ecmp, self.params
+        far = math.hypot(*away)
+        low = above <= params.min_height_ratio * self.model.com_height
+        if low or far <= params.sink_distance or away @ (com - ecmp) <= 0.0:
+            return 0.0
+        gain = params.sink_gain * self.model.omega**2
+        return gain * (far - params.sink_distance)

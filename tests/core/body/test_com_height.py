@@ -1,4 +1,4 @@
-"""Oracles: Pythagoras, finite differences, the closed loop by RK4."""
+"""Oracles: Pythagoras, finite differences, closed loops by RK45."""
 
 import math
 from dataclasses import replace
@@ -32,11 +32,15 @@ CONTROL = ComHeight(PARAMS, MODEL)
 GROUND = 0.3
 
 
-def schedule(phase, apart=0.0, step=0.0) -> ContactSchedule:
-    """Left stance; right foot `apart` behind, to step `step` ahead."""
+def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
+    """Left stance; right foot `apart` behind, to step `step` ahead, turned."""
     left, right, ahead = (
-        FootPose([x, y, GROUND])
-        for x, y in ((0.0, 0.125), (-apart, -0.125), (step, -0.125))
+        FootPose([x, y, GROUND], turn)
+        for x, y, turn in (
+            (0.0, 0.125, 0.0),
+            (-apart, -0.125, 0.0),
+            (step, -0.125, yaw),
+        )
     )
     return replace(
         example_walks.standing(FootPoses(left, right)),
@@ -56,11 +60,12 @@ def test_feet_that_no_height_reaches_give_the_lowest_height():
     assert high.start == GROUND + PARAMS.min_height_ratio * NOMINAL
 
 
-def test_the_height_is_continuous_over_a_walk():
+@pytest.mark.parametrize("yaw", [0.0, 0.4, -0.4])
+def test_the_height_is_continuous_over_a_walk(yaw):
     """Oracle: one phase ends where the next one begins, at rest."""
-    first = plan(Phase.SWING, apart=0.0, step=0.5)
+    first = plan(Phase.SWING, apart=0.0, step=0.5, yaw=yaw)
     # Landed: the right foot, now 0.5 m ahead of the left, takes the weight.
-    landed = schedule(Phase.SWING, step=0.5)
+    landed = schedule(Phase.SWING, step=0.5, yaw=yaw)
     feet = landed.feet.with_foot(Side.RIGHT, landed.footsteps[0].pose)
     swings = replace(landed, support_side=Side.RIGHT, feet=feet)
     second = CONTROL.plan(replace(swings, phase=Phase.TRANSFER))
@@ -101,6 +106,61 @@ def test_the_rate_is_the_derivative_of_the_height():
         assert slope != 0.0
         assert course.at(t)[1] == pytest.approx(slope, abs=1e-9)
     assert course.at(1.0) == (course.end, 0.0)
+
+
+def test_the_com_falls_at_the_touchdown_and_rises_to_rest():
+    """Oracles: twice the mean rate of the descent; none of the rise."""
+    going = schedule(Phase.SWING, step=0.6)
+    down = CONTROL.plan(going)
+    fall = 2.0 * (down.end - down.start) / 0.7
+    assert down.at(0.7 - 1e-9)[1] == pytest.approx(fall, abs=1e-6)
+    up = plan(Phase.SWING, apart=0.6)
+    assert up.end > up.start
+    assert up.at(0.7 - 1e-9)[1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_sinking_slows_the_icp_of_a_pendulum(turn):
+    """Oracle: the pendulum of variable height, by RK45.
+
+    To first order the ICP gains omega (z_dot(t) - z_dot(0)) / (2 g) in the
+    exponent; the height that is lost takes (omega t)^2 / 6 of it back.
+    """
+    omega, time = MODEL.omega, 0.2
+    way = np.array([math.cos(turn), math.sin(turn)])
+    ecmp = np.array([0.3, -0.2])
+
+    def flow(_, state, sunk):
+        x, v, z, _ = state
+        com, icp = ecmp + x * way, ecmp + (x + v / omega) * way
+        fall = sunk * CONTROL.sinking(com, icp, ecmp, z)
+        return v, (9.81 - fall) / z * x, state[3], -fall
+
+    start, gained = (0.1, 0.1 * omega, NOMINAL, 0.0), []
+    for sunk in (0.0, 1.0):
+        run = solve_ivp(
+            flow, (0.0, time), start, args=(sunk,), rtol=1e-9, atol=1e-11
+        )
+        x, v, _, v_z = run.y[:, -1]
+        gained.append(math.log((x + v / omega) / 0.2))
+    assert gained[0] == pytest.approx(omega * time, abs=1e-6)
+    first = omega * v_z / (2.0 * 9.81)
+    assert first < -0.01
+    gain = first * (1.0 - (omega * time) ** 2 / 6.0)
+    assert gained[1] - gained[0] == pytest.approx(gain, rel=0.1)
+
+
+def test_it_sinks_only_where_that_helps():
+    """Oracles: by hand; nothing near, behind the eCMP, or at its lowest."""
+    com, icp, ecmp = np.array([[0.1, 0.1], [0.4, 0.3], [0.0, 0.0]])
+    expected = PARAMS.sink_gain * 9.81 / NOMINAL * (0.5 - PARAMS.sink_distance)
+    assert CONTROL.sinking(com, icp, ecmp, 0.9) == pytest.approx(expected)
+    assert CONTROL.sinking(com, 0.29 * icp, ecmp, 0.9) == 0.0
+    assert CONTROL.sinking(-com, icp, ecmp, 0.9) == 0.0
+    assert CONTROL.sinking(com, icp, ecmp, 0.8 * NOMINAL) == 0.0
+    for velocity, fall in (0.0, -PARAMS.max_acceleration), (-0.7, 0.0):
+        found = CONTROL.acceleration(1.0, velocity, 1.0, 0.0, sinking=100.0)
+        assert found == pytest.approx(fall, abs=1e-12)
 
 
 def test_near_the_goal_it_is_a_pd_law():
