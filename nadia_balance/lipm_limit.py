@@ -20,6 +20,7 @@ from nadia_balance.core.body import reachability
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array, rectangle
+from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.math.qp import largest_first
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking import vocabulary as walking
@@ -69,11 +70,13 @@ class LipmLimit:
     The swing foot is at `foot` (2,) [m] when the push begins; its mean speed on
     the straight line to its foothold is limited to model.detour.max_speed, as
     that of later feet.  The eCMP may leave the soles by `kappa` [m] along x and
-    y, at any time and without cost.  The feet stay parallel.  Without
+    y, at any time and without cost.  If the CoM falls by `fall` [m/s] at each
+    touchdown, the ICP is, to first order, that of a touchdown fall / (2 g)
+    earlier (see ComHeight.sinking).  The feet stay parallel.  Without
     `on.step`, `on.swing` or `on.transfer`, footholds or durations are the
     planned ones.
 
-    Raises ValueError: `kappa` is negative.
+    Raises ValueError: `kappa` or `fall` is negative.
     """
 
     state: walking.WalkingState
@@ -83,11 +86,14 @@ class LipmLimit:
     timing: TimingAdapterParams
     on: Mechanisms
     kappa: float = 0.0
+    fall: float = 0.0
     push_duration: float = 0.1  # [s]
 
     def __post_init__(self) -> None:
         if not self.kappa >= 0.0:
             raise ValueError(f"kappa = {self.kappa}: must be >= 0 m")
+        if not self.fall >= 0.0:
+            raise ValueError(f"fall = {self.fall}: must be >= 0 m/s")
 
     @cached_property
     def assumptions(self) -> str:
@@ -299,7 +305,8 @@ class LipmLimit:
         landings = np.cumsum(swings) + np.cumsum(self._rests[1][:n])
         after = [*transfers[1:], *transfers[-1:]][:n]
         loading = [_mean_decay(w * t) for t in after]
-        return landings, np.exp(-w * landings) * loading
+        gained = self.fall / (2.0 * GRAVITY) * np.arange(1, n + 1)
+        return landings, np.exp(-w * (landings - gained)) * loading
 
 
 def _mean_decay(x: float) -> float:

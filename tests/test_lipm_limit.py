@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
@@ -145,6 +146,30 @@ def test_the_farthest_icp_of_a_step(phase, at, rest, swing, load):
     for beyond, expected in ((-1, -1), 1), ((1, -1), LOST), ((-1, 2), LOST):
         icp = left + present + 1e-3 * np.array(beyond)
         assert replace(found, icp=icp).least_steps() == expected
+
+
+def test_a_fall_at_the_touchdown_is_that_of_a_pendulum():
+    """Oracle: the pendulum of variable height, by RK45, which falls at last."""
+    model, on, rest = robot(speed=math.inf), MECHANISMS["step"], 0.75 * 0.7
+    w, last = model.omega, 0.05
+
+    def flow(t, state, fall):
+        x, v, z, v_z = state
+        down = fall / last if t > rest - last else 0.0
+        return v, (9.81 - down) / z * x, v_z, -down
+
+    per_speed = (1.0 - math.exp(-0.1 * w)) / (0.1 * w * w)
+    icps, weights = [], []
+    for fall in (0.0, 0.2):
+        start, args = (1.0, w, model.com_height, 0.0), (fall,)
+        run = solve_ivp(flow, (0.0, rest), start, args=args, max_step=0.01)
+        icps.append(run.y[0, -1] + run.y[1, -1] / w)
+        one = limit(model, on, num_steps=1, fall=fall)
+        ahead = one.icp[0] - 0.125  # of the sole's tip; the step is 1 m long
+        weights.append(ahead + per_speed * one.largest_push(0.0).delta_v)
+    gained = math.log(icps[0] / icps[1])
+    assert gained > 0.03
+    assert math.log(weights[1] / weights[0]) == pytest.approx(gained, rel=0.05)
 
 
 def test_without_a_step_there_are_the_soles_on_the_ground():

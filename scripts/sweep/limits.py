@@ -21,8 +21,9 @@ from nadia_balance.scripts.sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records
 BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
-# The paper's; those of any controller, without and with angular momentum.
-OTHERS = ("paper", "limit", "with_hips")
+# The paper's; those of any controller, without and with angular momentum, and
+# with a CoM that falls at each touchdown.
+OTHERS = ("paper", "limit", "with_hips", "falling")
 # Columns of a row; a record has the worst at the largest recovered push.
 WORST = (
     *("max_torso_tilt_deg", "max_pelvis_tilt_deg", "com_sag_m"),
@@ -173,8 +174,8 @@ def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
 
 def limits_of(
     scenario: Scenario, situation: Situation
-) -> tuple[LipmLimit, LipmLimit]:
-    """Returns the limits without and with hips, of a point mass at its push.
+) -> tuple[LipmLimit, LipmLimit, LipmLimit]:
+    """Returns the limits of a point mass at its push, see OTHERS.
 
     Raises ValueError: the push is not within the walk.
     """
@@ -193,7 +194,10 @@ def limits_of(
         raise ValueError(f"at = {push.at!r}: must be in the walk")
     more = {"model": robot.point_mass, "push_duration": push.duration}
     limit = limit_from(diagram, context, **more)
-    return limit, replace(limit, kappa=scenario.controller.balance.max_kappa)
+    params = scenario.controller
+    with_hips = replace(limit, kappa=params.balance.max_kappa)
+    falling = replace(with_hips, fall=params.com_height.max_velocity)
+    return limit, with_hips, falling
 
 
 def first_pushes(sweep: Sweep) -> dict[Cell, float]:
@@ -205,7 +209,7 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     first = {}
     for cell in sweep.cells():
         if (one := cell[:2]) not in most:
-            _, most[one] = limits_of(sweep.scenarios[one[0]], one)
+            most[one] = limits_of(sweep.scenarios[one[0]], one)[1]
         limit = replace(most[one], on=vocabulary.NAMED[cell.mechanisms])
         first[cell] = BEGIN * limit.largest_push(cell.direction_deg).delta_v
     return first

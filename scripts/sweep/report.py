@@ -35,8 +35,9 @@ A push changes the velocity of the robot's whole mass by so many m/s; direction
 largest push, and from every smaller one that was tried (`~`: the search has not
 ended, or nothing larger was decided). The limit is the largest push that any
 controller could recover from, computed for {{}}. With hips, the eCMP may leave
-the soles by as much as the controller's may. [`{LIMITS}`]({LIMITS}) has all
-digits."""
+the soles by as much as the controller's may; falling, the CoM sinks as fast as
+the controller's may at each touchdown, too (to first order).
+[`{LIMITS}`]({LIMITS}) has all digits."""
 # What each table has: column of a record, its title, digits, and the column by
 # which it is divided.
 Kind = tuple[str, str, int, str]
@@ -48,6 +49,7 @@ _TABLES = (
     ("recovered", "share of the limit", 2, "limit"),
     ("recovered", "share of the limit with hips", 2, "with_hips"),
     ("limit", "limit [m/s]", 2, ""),
+    ("falling", "limit with hips, falling [m/s]", 2, ""),
     ("max_torso_tilt_deg", _TILT, 0, ""),
     ("com_sag_m", "sag of the CoM [m]", 2, ""),
     ("positive_power_w", "power of the drives [W]", 0, ""),

@@ -74,7 +74,7 @@ def table_of(rows: list[dict], search: SearchParams) -> LimitTable:
     """The limits that follow from these rows, beside a MadeUpLimit."""
     folder = Rows(Path("nowhere"), identity_of(search), rows)
     scenarios = dict.fromkeys(row["scenario"] for row in rows)
-    made_up = MadeUpLimit(1.86), MadeUpLimit(2.6)
+    made_up = MadeUpLimit(1.86), MadeUpLimit(2.6), MadeUpLimit(3.0)
     with patch.object(limits, "limits_of", return_value=made_up):
         return limits.limit_table(folder, scenarios)
 

@@ -23,13 +23,14 @@ def test_the_walk_has_the_limit_of_an_enumeration():
     """
     scenario = load_scenario("push", fidelity="realistic")
     scenario.controller.timing_adapter.min_swing_duration = 0.35  # the file's
-    limit, with_hips = limits_of(scenario, AT)
+    limit, with_hips, falling = limits_of(scenario, AT)
     found = [limit.largest_push(d).delta_v for d in (0, 90, 180, 270)]
     assert sum(found) == pytest.approx(1.99 + 1.02 + 1.99 + 1.93, rel=0.01)
-    assert (limit.kappa, with_hips.kappa) == (0.0, 0.05)
+    assert (limit.kappa, with_hips.kappa, falling.kappa) == (0.0, 0.05, 0.05)
+    assert (with_hips.fall, falling.fall) == (0.0, 0.7)
     ideal = load_scenario("push", fidelity="ideal")
     ideal.controller.timing_adapter.min_swing_duration = 0.35
-    free, _ = limits_of(ideal, AT)
+    free = limits_of(ideal, AT)[0]
     assert free.largest_push(0).delta_v == pytest.approx(3.36, rel=0.01)
 
 
