@@ -8,6 +8,7 @@ from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback import icp_step_qp, momentum_qp
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
+from nadia_balance.core.math import lipm
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.polygon import shrink
@@ -178,7 +179,7 @@ class ComHeightController(LeafSystem):
         if state.schedule.phase is Phase.SWING:
             most = self._control.stance_limit(place, velocity, state.schedule)
             wanted = min(wanted, most)
-            icp = place + velocity / self._model.omega
+            icp = lipm.icp(place, velocity, self._model.omega)
             sole = state.schedule.feet[state.schedule.support_side].p_WF
             sink = self._control.sinking(place, icp, ecmp, z - float(sole[2]))
         az = self._control.acceleration(z, vz, *wanted, sink)

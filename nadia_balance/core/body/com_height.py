@@ -108,12 +108,11 @@ class ComHeight:
         is between `min_height_ratio` and 1 times the nominal height.
         """
         params, legs = self.params, self.model.legs
-        away = 0.0
+        reach = 0.0
         for foot, to in (stance, other), (other, stance):
             x, y = foot.to_sole(to.p_WF[None, :2])[0]
             aside = max(abs(y) - legs.hip_width, 0.0)
-            away = max(away, math.hypot(x, aside))
-        reach = params.reach_ratio * away
+            reach = max(reach, params.reach_ratio * math.hypot(x, aside))
         squared = (params.max_stretch * legs.length) ** 2 - reach**2
         leg, nominal = math.sqrt(max(squared, 0.0)), self.model.com_height
         limit = legs.ankle_height + leg + legs.com_above_hip
