@@ -20,9 +20,8 @@ from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems import hardware, push_source
-from nadia_balance.systems.sensors import Imu, JointEncoders
-from nadia_balance.systems.signals import connect
-from nadia_balance.systems.state_estimator import StateEstimator
+from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
+from nadia_balance.systems.signals import connect, read
 from nadia_balance.view import scene
 
 FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
@@ -226,7 +225,7 @@ class HumanoidDiagram(ClosedLoop):
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which the robot has fallen; empty if it has not."""
-        state = self._read(context, "state")
+        state = read(self.engine.GetOutputPort("state"), context)
         ground = self._ground
         is_uneven = ground is not None and not ground.is_level
         # The pelvis is the floating base: quaternion and position come first.
@@ -252,32 +251,24 @@ class HumanoidDiagram(ClosedLoop):
         if self._sensors is None:
             return 0.0
         ports = self._measured | {"state": self.engine.GetOutputPort("state")}
-        now = {}
-        for name in ESTIMATE.split():
-            own = ports[name].get_system().GetMyContextFromRoot(context)
-            now[name] = ports[name].Eval(own)[None]
+        now = {n: read(ports[n], context)[None] for n in ESTIMATE.split()}
         return float(nees(now)[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
         """Names of all contacts except those of a foot and the ground."""
-        results = self._read(context, "contact_results")
+        results = read(self.engine.GetOutputPort("contact_results"), context)
         return self.robot.improper_contacts(self.plant, results)
 
     def passed_limit(self, context: Context) -> bool:
         """True if a joint speed or the torso's tilt is above its limit."""
         if self.scenario.fidelity == "ideal":
             return False
-        state = self._read(context, "state")
+        state = read(self.engine.GetOutputPort("state"), context)
         torso, _ = self._poses.trunk_tilt(state)
         speeds = np.abs(state[self.plant.num_positions() + 6 :])
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
         tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
         return bool(tilts or (speeds > limits).any())
-
-    def _read(self, context: Context, port: str):
-        """The value of a `port` of the engine."""
-        own = self.engine.GetMyContextFromRoot(context)
-        return self.engine.GetOutputPort(port).Eval(own)
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All logged signals (see nadia_balance.results)."""

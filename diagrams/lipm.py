@@ -14,7 +14,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
 from nadia_balance.systems.push_source import PushSource, find_body
-from nadia_balance.systems.signals import connect
+from nadia_balance.systems.signals import connect, read
 from nadia_balance.systems.steps import SwingFootPlanner
 from nadia_balance.view.scene import add_mechanisms
 
@@ -37,7 +37,8 @@ class LipmDiagram(ClosedLoop):
         `blocks` replace blocks of the CapturePointController.
 
         Raises ValueError: a block lacks a port, the robot lacks the body of a
-        push, the engine is not Drake, or the terrain is not level.
+        push, the engine is not Drake, the sensors are not perfect, or the
+        terrain is not level.
         """
         super().__init__(scenario)
         for name, only in ("engine", "drake"), ("sensors", "perfect"):
@@ -67,7 +68,7 @@ class LipmDiagram(ClosedLoop):
         self.plant = plant = add("plant", PointMassPlant(model, period, start))
         self.push = add("push_source", PushSource(pushes, model.mass, period))
         on = NAMED[scenario.mechanisms]
-        self._mechanisms = add_mechanisms(builder, on, self.push, meshcat)
+        mechanisms = add_mechanisms(builder, on, self.push, meshcat)
         watched = "com_state", "foot_poses"
         self._watched = [plant.GetOutputPort(name) for name in watched]
         connect(builder, controller, self.swing, "walking_state")
@@ -79,10 +80,9 @@ class LipmDiagram(ClosedLoop):
         connect(builder, plant, controller, "com_state", "icp")
         if controller.HasInputPort("alip_icp"):  # without a body the same
             connect(builder, plant, controller, icp="alip_icp")
-        builder.Connect(self._mechanisms, controller.GetInputPort("mechanisms"))
+        builder.Connect(mechanisms, controller.GetInputPort("mechanisms"))
         systems = plant, self.controller, self.swing, self.push
-        more = {"mechanisms": self._mechanisms}
-        self._finish(builder, meshcat, period, systems, **more)
+        self._finish(builder, meshcat, period, systems, mechanisms=mechanisms)
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass at random by the scenario's seed."""
@@ -94,8 +94,7 @@ class LipmDiagram(ClosedLoop):
 
     def fall_reason(self, context: Context) -> str:
         """The criterion by which it has fallen; empty if it has not."""
-        plant = self.plant.GetMyContextFromRoot(context)
-        com, feet = (port.Eval(plant) for port in self._watched)
+        com, feet = (read(port, context) for port in self._watched)
         places = [foot.p_WF[:2] for foot in (feet.left, feet.right)]
         if min(math.dist(com[:2], p) for p in places) > self._fallen:
             return "CoM out of reach of both feet"

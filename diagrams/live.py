@@ -15,7 +15,7 @@ from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.results.story import LiveStory, moment_words
-from nadia_balance.systems.signals import WalkingSignal
+from nadia_balance.systems.signals import WalkingSignal, read
 from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.scene import CONTROLS, move_floor
 
@@ -152,9 +152,8 @@ class LiveSession:
         context, diagram = self.context, self._diagram
         state = diagram.GetOutputPort("walking_state").Eval(context)
         _, self._error = simulation.gait_and_error(diagram, context)
-        own = diagram.controller.GetMyContextFromRoot(context)
         port = diagram.controller.GetOutputPort("walking_signal")
-        walking = WalkingSignal(port.Eval(own))
+        walking = WalkingSignal(read(port, context))
         self._phase = moment_words(walking)
         push = simulation.push_signal(diagram, context)
         now = context.get_time()

@@ -20,8 +20,8 @@ from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, NAMED
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
 from nadia_balance.robot.params import load_sensors
+from nadia_balance.systems.estimation import FILTERS
 from nadia_balance.systems.hardware import Imperfections
-from nadia_balance.systems.state_estimator import FILTERS
 from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -58,7 +58,7 @@ class Scenario:
     # Units of the values in its file: SI, or "froude": for a robot of Nadia's
     # size (core/math/bounds.py).  Defaults are always in froude units.
     units: str = bounded("si", one_of=UNITS)
-    # Limits of a real robot, or ideal drives (see robot.FIDELITIES).
+    # Limits of a real robot, or ideal drives (see robot.model.FIDELITIES).
     fidelity: str = bounded("realistic", one_of=FIDELITIES)
     engine: str = bounded("drake", one_of=ENGINES)  # of the physics
     # perfect: the controller is given the state.  Others (models/sensors)

@@ -23,8 +23,8 @@ from nadia_balance.results import Log, pushes
 from nadia_balance.results import signal as logged
 from nadia_balance.results.measurements import CalmSteps, LostWatch
 from nadia_balance.results.summary import STEADY, Run, RunInfo
-from nadia_balance.robot.model import load_robot
-from nadia_balance.systems.signals import IcpReference, PushSignal
+from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.systems.signals import IcpReference, PushSignal, read
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
 PATIENCE = 8  # largest number of steps of a recovery
@@ -95,8 +95,7 @@ def pushed(
 
 def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
     """The push that acts now, see PushSignal."""
-    port = diagram.push.GetOutputPort("push_signal")
-    return PushSignal(port.Eval(diagram.push.GetMyContextFromRoot(context)))
+    return PushSignal(read(diagram.push.GetOutputPort("push_signal"), context))
 
 
 def simulate(
@@ -274,7 +273,9 @@ def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
         yield
 
 
-def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
+def required_calm_steps(
+    scenario: Scenario, robot: RobotModel, log: Log
+) -> tuple[int, bool]:
     """Returns the required calm steps, and whether the run is long enough.
 
     The number is the scenario's `calm_steps`, or one less than the steps that
@@ -284,7 +285,6 @@ def required_calm_steps(scenario: Scenario, log: Log) -> tuple[int, bool]:
     A run without a push is judged from its start.  Without a walking signal,
     a run is long enough that ends STEADY after the push.
     """
-    robot = load_robot(scenario.robot, scenario.fidelity)
     start = scenario.start(scenario.point_mass(robot)).schedule
     begin, taken, felt = 0.0, 0, pushes(log)
     if "walking_signal" not in log:
@@ -312,7 +312,8 @@ def _run_info(diagram: ClosedLoop, log: Log) -> RunInfo:
     same = ["robot", "fidelity", "engine", "seed"]
     if scenario.fidelity == "realistic":
         same.append("max_torso_tilt_deg")
-    calm_steps, is_long_enough = required_calm_steps(scenario, log)
+    judged = scenario, diagram.robot, log
+    calm_steps, is_long_enough = required_calm_steps(*judged)
     gait, policy = scenario.gait, getattr(diagram.controller, "file", "")
     push = scenario.pushes[0] if scenario.pushes else None
     return RunInfo(

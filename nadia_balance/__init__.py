@@ -1,7 +1,7 @@
 """Balance control for walking humanoids, on Drake.
 
 The public names are available here; each is imported at its first use, so that
-`nadia_balance.core` alone imports only numpy.
+who needs only `nadia_balance.core` does not import the rest.
 """
 
 import importlib
@@ -26,15 +26,14 @@ _PUBLIC = """
     policy_controller PolicyController PolicyParams
     robot.model RobotModel load_robot
     robot.plants add_ground
+    systems.estimation Imu JointEncoders StateEstimator
     systems.feedback ComHeightController IcpStepController MomentumQp
     systems.hardware FootForceSensor Imperfections JointDrives StateSensor
     systems.plan IcpPlanner TimingAdapter WalkingStateMachine
     systems.ports NOTHING
     systems.push_source ContactClock PushSource
-    systems.sensors Imu JointEncoders
     systems.signals connect
     systems.state CentroidalEstimator StatePredictor
-    systems.state_estimator StateEstimator
     systems.steps CaptureRegionStepAdjuster SwingFootPlanner
     systems.whole_body FrictionEstimator WholeBodyInverseDynamics
     view.balance_visualizer BalanceVisualizer

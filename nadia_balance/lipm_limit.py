@@ -48,21 +48,6 @@ Halfplanes = tuple[Array, Array]  # A p <= b
 Swings = tuple[float, ...]  # durations [s]
 
 
-@dataclass(frozen=True, eq=False)
-class Capture:
-    """A push of `delta_v` [m/s] and its recovery.
-
-    Swing k ends `landings[k]` [s] after the push began, at `footholds[k]` (2,)
-    [m] in the sole frame of the stance foot, y to the swing side; `cop` (2,)
-    [m] is the mean of the eCMP in the soles.
-    """
-
-    delta_v: float
-    landings: tuple[float, ...]
-    footholds: Array
-    cop: Array
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LipmLimit:
     """Steps and pushes at one instant, in `state`, with the `icp` (2,) [m].
@@ -111,8 +96,8 @@ class LipmLimit:
             f"steps, all known when a push of {self.push_duration:g} s begins"
         )
 
-    def largest_push(self, direction_deg: float) -> Capture:
-        """Returns the largest push in a direction, 0 forward, 90 left [deg].
+    def largest_push(self, direction_deg: float) -> float:
+        """Returns the largest push [m/s] at an angle: 0 forward, 90 left [deg].
 
         With `on.step` all smaller step counts are tried, as the robot may stop.
         """
@@ -128,26 +113,26 @@ class LipmLimit:
         """
         way = np.array([1.0, 0.0])
         for n in range(len(self._steps) + 1):
-            if self._best(way, [n], most=0.0).delta_v >= -_BETTER:
+            if self._best(way, [n], most=0.0) >= -_BETTER:
                 return n
         return LOST
 
     def _best(
         self, way: Array, step_counts: Iterable[int], most: float = math.inf
-    ) -> Capture:
-        """Returns the largest push along `way` (2,), up to `most` [m/s].
+    ) -> float:
+        """Returns the largest push [m/s] along `way` (2,), up to `most`.
 
         Each step count, timing and choice of regions is a linear program, and
         branched on only if that of the hull is better than the best so far.
         """
-        best = Capture(-math.inf, (), np.zeros((0, 2)), np.zeros(2))
+        best = -math.inf
         names = [name for name in self._regions if name != _HULL]
         for swings in (s for n in step_counts for s in self._swings(n)):
             undecided = [(_HULL,) * len(swings)]
             while undecided:
                 regions = undecided.pop()
                 found = self._solve(way, swings, regions, most)
-                if found is None or found.delta_v < best.delta_v + _BETTER:
+                if found is None or found < best + _BETTER:
                     continue
                 if _HULL not in regions:
                     best = found
@@ -264,13 +249,13 @@ class LipmLimit:
 
     def _solve(
         self, way: Array, swings: Swings, regions: Sequence[str], most: float
-    ) -> Capture | None:
+    ) -> float | None:
         """Returns the largest push along `way` (2,); None if infeasible.
 
         The variables are delta_v <= `most` [m/s] and the step vectors (n, 2),
         each from one foot to the other.
         """
-        n, landings, weights = len(swings), *self._landings(swings)
+        n, weights = len(swings), self._weights(swings)
         w, T, foot = self.model.omega, self.push_duration, self._foot
         per_speed = -math.expm1(-w * T) / (w * w * T)  # ICP shift / delta_v [s]
         ecmp, room = self._local(self.icp), self._ecmps[min(n, 1)]
@@ -294,19 +279,16 @@ class LipmLimit:
             np.vstack([A @ M for M, _, (A, _) in limits]),
             np.concatenate([b - A @ p for _, p, (A, b) in limits]),
         )
-        if x is None:
-            return None
-        footholds = np.cumsum(x[1:].reshape(n, 2), axis=0)
-        return Capture(x[0], tuple(landings), footholds, ecmp + of_ecmp @ x)
+        return None if x is None else float(x[0])
 
-    def _landings(self, swings: Swings) -> tuple[Array, Array]:
-        """The swings' ends (n,) [s], and the step vectors' weights (n,) [-]."""
+    def _weights(self, swings: Swings) -> Array:
+        """The weights (n,) [-] of the step vectors."""
         n, w, transfers = len(swings), self.model.omega, self._durations[1]
         landings = np.cumsum(swings) + np.cumsum(self._rests[1][:n])
         after = [*transfers[1:], *transfers[-1:]][:n]
         loading = [_mean_decay(w * t) for t in after]
         gained = self.fall / (2.0 * GRAVITY) * np.arange(1, n + 1)
-        return landings, np.exp(-w * (landings - gained)) * loading
+        return np.asarray(np.exp(-w * (landings - gained)) * loading)
 
 
 def _mean_decay(x: float) -> float:

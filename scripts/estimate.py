@@ -18,7 +18,7 @@ from nadia_balance.results.plots import RC, draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
-from nadia_balance.systems.state_estimator import StateEstimator
+from nadia_balance.systems.estimation import StateEstimator
 
 SENSED = "imu", "joints", "foot_forces"
 FILES = "estimate.npz", "estimate.png"

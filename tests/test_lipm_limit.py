@@ -84,7 +84,7 @@ def test_nadia_s_limits_are_those_of_an_enumeration(direction):
     """
     above = {60: 0.05, 150: 0.09}.get(direction, 0.03)
     for speed, value in zip((2.0, 3.0), NADIA[direction], strict=True):
-        found = limit(robot(speed=speed)).largest_push(direction).delta_v
+        found = limit(robot(speed=speed)).largest_push(direction)
         assert value - 0.01 <= found <= value + above
 
 
@@ -95,7 +95,7 @@ def test_each_set_of_mechanisms_has_its_limit(name):
     timing = TimingAdapterParams(**least)
     found = limit(robot(1.0, 0.24), MECHANISMS[name], timing=timing)
     for direction, value in OTHER[name].items():
-        push = found.largest_push(direction).delta_v
+        push = found.largest_push(direction)
         assert push == pytest.approx(value, abs=0.025)
 
 
@@ -106,7 +106,7 @@ def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
     That is its shift over the push: the mean over e^-wt, in closed form.
     """
     steps = [limit(robot(), num_steps=n) for n in range(4)]
-    pushes = [found.largest_push(angle).delta_v for found in steps]
+    pushes = [found.largest_push(angle) for found in steps]
     w, way = robot().omega, math.radians(angle)
     per_speed = (1.0 - math.exp(-0.1 * w)) / (0.1 * w * w)
     told = set()
@@ -166,7 +166,7 @@ def test_a_fall_at_the_touchdown_is_that_of_a_pendulum():
         icps.append(run.y[0, -1] + run.y[1, -1] / w)
         one = limit(model, on, num_steps=1, fall=fall)
         ahead = one.icp[0] - 0.125  # of the sole's tip; the step is 1 m long
-        weights.append(ahead + per_speed * one.largest_push(0.0).delta_v)
+        weights.append(ahead + per_speed * one.largest_push(0.0))
     gained = math.log(icps[0] / icps[1])
     assert gained > 0.03
     assert math.log(weights[1] / weights[0]) == pytest.approx(gained, rel=0.05)

@@ -14,7 +14,7 @@ number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log
-of a point mass lacks joints, `state`, `foot_poses`, `trunk_tilt` and
+of a point mass lacks joints, `state`, `foot_poses`, `trunk_tilt`, `weight` and
 `foot_wrenches`, that of a controller of the user's what it has no port for;
 readers of a log must handle this.
 """

@@ -193,12 +193,12 @@ class Imperfections:
 class StateSensor(LeafSystem):
     """Delays the state of the plant and the foot forces, and adds noise.
 
-    `state` is [q, v] of the plant, `measured_state` the delayed and noisy
-    [q, v]; `measured_foot_forces` are the delayed `foot_forces` (2,) [N].
-    Forces and the orientation of the pelvis have no noise.  The discrete state
-    is the buffer of delayed samples, the latest first, NaN before the start,
-    where the first sample stands for those before it.  The noise of a tick
-    depends on the seed and the tick's number only.
+    `state` is [q, v] of the plant, or as estimated; `measured_state` the
+    delayed and noisy [q, v]; `measured_foot_forces` are the delayed
+    `foot_forces` (2,) [N].  Forces and the orientation of the pelvis have no
+    noise.  The discrete state is the buffer of delayed samples, the latest
+    first, NaN before the start, where the first sample stands for those before
+    it.  The noise of a tick depends on the seed and the tick's number only.
 
     .. pydrake_system::
 

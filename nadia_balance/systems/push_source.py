@@ -17,13 +17,7 @@ from pydrake.systems.framework import Context
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
-from nadia_balance.core.walking.vocabulary import (
-    ORIGIN,
-    Phase,
-    Side,
-    WalkingState,
-    whole_ticks,
-)
+from nadia_balance.core.walking.vocabulary import Phase, Side, whole_ticks
 from nadia_balance.systems.ports import declare_cache, declare_output, inputs
 
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
@@ -261,10 +255,10 @@ class ContactClock(framework.LeafSystem):
         needs = [self.discrete_state_ticket(self._state)]
         declare_output(self, "walking_state", self._calc_walking, needs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-        feet, start = walking.FootPoses(ORIGIN, ORIGIN), np.zeros((3, 2))
+        feet = walking.FootPoses(walking.ORIGIN, walking.ORIGIN)
         self._schedule = walking.ContactSchedule(
             *(Phase.STANDING, Side.LEFT, math.inf, feet, ()),
-            walking.ReferencePoint(*start),
+            walking.ReferencePoint(*np.zeros((3, 2))),
         )
 
     def _update(self, context, state):
@@ -282,7 +276,7 @@ class ContactClock(framework.LeafSystem):
             now.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
         return framework.EventStatus.Succeeded()
 
-    def _calc_walking(self, context) -> WalkingState:
+    def _calc_walking(self, context) -> walking.WalkingState:
         state = context.get_discrete_state(self._state).value().tolist()
         swings, side, time, steps, *lasted = state
         schedule = self._schedule
@@ -293,10 +287,10 @@ class ContactClock(framework.LeafSystem):
                 support_side=Side.RIGHT if side > 0.0 else Side.LEFT,
                 duration=duration,
             )
-        return WalkingState(schedule, time, steps_taken=int(steps))
+        return walking.WalkingState(schedule, time, steps_taken=int(steps))
 
 
-def _yaw(state: WalkingState | None) -> float:
+def _yaw(state: walking.WalkingState | None) -> float:
     """Yaw of the support foot in W [rad], 0 without a walking state."""
     if state is None:
         return 0.0

@@ -5,6 +5,7 @@ A signal has the name of its port.
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 from pydrake.common.containers import namedview
 from pydrake.systems import framework
@@ -203,6 +204,11 @@ def connect(
     """
     for name, other in [*zip(names, names, strict=True), *renamed.items()]:
         builder.Connect(source.GetOutputPort(name), sink.GetInputPort(other))
+
+
+def read(port: framework.OutputPort, root: framework.Context) -> Any:
+    """Returns the value of a block's `port` in the Context `root` of all."""
+    return port.Eval(port.get_system().GetMyContextFromRoot(root))
 
 
 def wire(

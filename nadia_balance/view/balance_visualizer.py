@@ -21,7 +21,6 @@ ROOT = "/overlay"
 FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
 REGIONS = f"{ROOT}/capture_regions"
 MIDDLE = f"{ROOT}/middle"  # no object: a target for a camera
-PERIOD = 1.0 / scene.FRAMES_PER_SECOND  # frame period [s]
 REGIONS_PERIOD = 1.0 / 16.0  # of the capture regions: many edges [s]
 STEPS_PER_SIDE = 2  # planned footsteps drawn per foot
 LINGER = 0.5  # extra time for which a recording shows a push [s]
@@ -80,7 +79,7 @@ class BalanceVisualizer(LeafSystem):
         *self._on_ground, self._push, self._regions = others
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
-        draws = {PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
+        draws = {scene.PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
         for period, draw in draws.items():
             self.DeclarePeriodicPublishEvent(period, 0.0, draw)
             self.DeclareForcedPublishEvent(draw)
@@ -97,7 +96,7 @@ class BalanceVisualizer(LeafSystem):
             steps = (f"{path}_{i}" for i in range(STEPS_PER_SIDE))
             self._footsteps[side] = [sole(one, color(side)) for one in steps]
         self._polygons = {
-            path: scene.ChangingPolygon(meshcat, path, color, PERIOD, filled)
+            path: scene.ChangingPolygon(meshcat, path, color, filled)
             for path, (color, filled) in _POLYGONS.items()
         }
         self._nominal = sole(f"{REGIONS}/nominal", palette.NOMINAL)
@@ -173,7 +172,7 @@ class BalanceVisualizer(LeafSystem):
             color = palette.rgba(palette.foot_color(side), 0.6)
             corners = scene.at_height(self._sole, 0.0)
             drawing = scene.add_polygon(self._meshcat, path, corners, color)
-            scene.hide_before(drawing, time, PERIOD)
+            scene.hide_before(drawing, time)
         drawing.place(scene.sole_transform(pose, _PRINT), time)
 
     def _draw_com_and_push(self, context, com: Array, time: float) -> None:

@@ -27,6 +27,7 @@ from nadia_balance.systems.signals import connect
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0
+PERIOD = 1.0 / FRAMES_PER_SECOND  # of frames [s]
 ROBOT, GHOST = "/drake/robot", "/drake/ghost"  # as it is, as estimated
 CONTROLS = "live_controls"  # name of the LiveControls system
 # Lights of the default scene: intensity and new position.  Ambient and fill
@@ -65,7 +66,7 @@ def add_robot_view(
 ) -> None:
     """Adds a MeshcatVisualizer of visual shapes, if `looks` name no other."""
     looks = {"prefix": ROBOT, "role": geometry.Role.kIllustration} | looks
-    looks["publish_period"] = 1.0 / FRAMES_PER_SECOND
+    looks["publish_period"] = PERIOD
     params = geometry.MeshcatVisualizerParams(**looks)
     add = geometry.MeshcatVisualizer.AddToBuilder
     add(builder, scene_graph, meshcat, params)
@@ -247,15 +248,10 @@ class ChangingPolygon:
     STILL = 0.005  # smaller motions of the corners are not redrawn [m]
 
     def __init__(
-        self,
-        meshcat: Meshcat,
-        path: str,
-        color: Rgba,
-        period: float,
-        filled: bool = True,
+        self, meshcat: Meshcat, path: str, color: Rgba, filled: bool = True
     ):
         self._meshcat, self._path, self._color = meshcat, path, color
-        self._period, self._filled = period, filled
+        self._filled = filled
         self.forget()
 
     def draw(self, polygon: Array, z: float, time: float) -> None:
@@ -273,7 +269,7 @@ class ChangingPolygon:
             path = f"{self._path}/{self._count}"
             new = self._meshcat, path, corners, self._color
             self._shown = add_polygon(*new, self._filled, True)
-            hide_before(self._shown, time, self._period)
+            hide_before(self._shown, time)
             self._shown.show(True, time)
             self._meshcat.Delete(f"{self._path}/{self._count - self.KEPT}")
 
@@ -284,9 +280,9 @@ class ChangingPolygon:
         self._shown: Drawing | None = None
 
 
-def hide_before(drawing: Drawing, time: float, period: float) -> None:
-    """Hides a new object in frames before `time` [s], `period` [s] apart."""
-    if (before := time - period) >= 0.0:
+def hide_before(drawing: Drawing, time: float) -> None:
+    """Hides a new object in frames before `time` [s]."""
+    if (before := time - PERIOD) >= 0.0:
         drawing.show(False, before)
 
 

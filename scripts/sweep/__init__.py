@@ -32,7 +32,7 @@ TRIALS = "trials.csv"
 RECOVERED, UNDECIDED = "recovered", "undecided"
 IDENTITY = "robot scenario plant resolution stride replicas largest".split()
 MOST = 100.0  # no push is larger [m/s]
-OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error", "crashed")
+OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error")
 
 PACKAGE = Path(nadia_balance.__file__).parent
 # Files on which a row depends; not reports and plots.

@@ -158,10 +158,9 @@ def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
 
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
-    largest = [limit.largest_push(cell.direction_deg) for limit in limits]
     others = (
         paper.get(cell.mechanisms, {}).get(cell.direction_deg),
-        *(capture.delta_v for capture in largest),
+        *(limit.largest_push(cell.direction_deg) for limit in limits),
     )
     return {
         **cell._asdict(),
@@ -211,7 +210,7 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
         if (one := cell[:2]) not in most:
             most[one] = limits_of(sweep.scenarios[one[0]], one)[1]
         limit = replace(most[one], on=vocabulary.NAMED[cell.mechanisms])
-        first[cell] = BEGIN * limit.largest_push(cell.direction_deg).delta_v
+        first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 
 

@@ -61,11 +61,10 @@ WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 _TINTS = ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78")
 COLORS = dict(zip(NAMED, (*_TINTS, *_TINTS[:3], _TINTS[-1]), strict=True))
 PAPER_LINE = {"color": "#3d4552", "ls": (0, (4, 2)), "lw": 1.5}
-LIMIT = "#8a93a3"
 LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass, computed"
 HIPS_LABEL = "and with the momentum\nof the upper body"
 BEYOND = "#eceef2"
-HIPS_LINE = {"color": LIMIT, "ls": ":", "lw": 1.4}
+HIPS_LINE = {"color": FAINT, "ls": ":", "lw": 1.4}
 LINE = {"lw": 1.8, "marker": "o", "ms": 5.0}
 NUMBER = {"ha": "center", "va": "center", "fontsize": 9, "zorder": 4.0}
 _MOST_NUMBERS = 16  # with more directions, limits are not written [-]
@@ -202,7 +201,7 @@ def _draw_curves(ax: PolarAxes, limits: LimitTable, situation) -> None:
     area = closed(_curve(records, "limit"))
     if area.shape[1] > 3:
         ax.set_facecolor(BEYOND)
-        ax.fill(*area, fc="white", ec=LIMIT, zorder=0.5)
+        ax.fill(*area, fc="white", ec=FAINT, zorder=0.5)
     for mechanisms in reversed(limits.mechanisms):
         line = closed(_curve(limits.of(mechanisms, situation), "recovered"))
         color = COLORS[mechanisms]
@@ -248,7 +247,7 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     if protocol := limits.protocol(limits.situations[0]):
         handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
     handles += [
-        Patch(facecolor=BEYOND, edgecolor=LIMIT, label=LIMIT_LABEL),
+        Patch(facecolor=BEYOND, edgecolor=FAINT, label=LIMIT_LABEL),
         Line2D([], [], label=HIPS_LABEL, **HIPS_LINE),
     ]
     fig.legend(handles=handles, loc="outside right center", fontsize=9.5)

@@ -9,8 +9,9 @@ import pytest
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import required_calm_steps
 from nadia_balance.results import signal
+from nadia_balance.robot.model import load_robot
 
-PERIOD = 0.002
+PERIOD, NADIA = 0.002, load_robot("nadia")
 SIZES = {"walking_signal": 16, "push_signal": 6}
 
 
@@ -48,7 +49,7 @@ IN_SWING = (3.476, 2)  # 25 % of the third swing
 )
 def test_requires_what_the_gait_and_the_time_allow(text, push, answer):
     scenario = load_scenario("push", text=text)
-    assert required_calm_steps(scenario, log_of(push)) == answer
+    assert required_calm_steps(scenario, NADIA, log_of(push)) == answer
 
 
 @pytest.mark.parametrize("rows", [7000, 0])
@@ -58,4 +59,4 @@ def test_without_a_push_a_run_is_judged_from_its_start(rows):
     for duration, is_long_enough in (9.9, False), (10.1, True):
         text = f"{{duration: {duration}}}"
         scenario = load_scenario("push", text=text)
-        assert required_calm_steps(scenario, log) == (2, is_long_enough)
+        assert required_calm_steps(scenario, NADIA, log) == (2, is_long_enough)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.systems.sensors import JointEncoders
+from nadia_balance.systems.estimation import JointEncoders
 from tests import blocks
 from tests.whole_body_examples import nadia, standing_state
 

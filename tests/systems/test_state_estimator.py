@@ -10,7 +10,7 @@ from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.diagrams import humanoid
 from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.results import measurements
-from nadia_balance.systems.state_estimator import START, StateEstimator
+from nadia_balance.systems.estimation import START, StateEstimator
 from tests import run_cache
 from tests import whole_body_examples as examples
 from tests.blocks import answer, asked, fix

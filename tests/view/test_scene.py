@@ -29,7 +29,7 @@ def test_an_impossible_port_is_refused(port):
 def test_a_long_walk_keeps_its_last_shapes_only():
     """Oracle: Drake's Meshcat; less than STILL is no new shape."""
     meshcat, kept = start_meshcat()[0], 5
-    polygon = ChangingPolygon(meshcat, "/p", palette.rgba("#000000"), 0.1)
+    polygon = ChangingPolygon(meshcat, "/p", palette.rgba("#000000"))
     polygon.KEPT = kept
     for frame in range(kept + 3):
         for move in 0.0, 0.004:

@@ -33,10 +33,7 @@ class ComHeightParams:
 
 
 def leg_reach(
-    legs: LegGeometry,
-    com_height: float,
-    lean: float,
-    params: ComHeightParams | None = None,
+    legs: LegGeometry, com_height: float, lean: float
 ) -> tuple[float, float]:
     """Returns length and width_max [m] of the base region of these legs.
 
@@ -47,7 +44,7 @@ def leg_reach(
 
     Raises ValueError: legs are straight at the lowest CoM, or hips too low.
     """
-    params = params or ComHeightParams()
+    params = ComHeightParams()
     above_ankle = legs.com_above_hip + legs.ankle_height
     hip = params.min_height_ratio * com_height - above_ankle
     longest = params.max_stretch * legs.length
@@ -153,7 +150,7 @@ class ComHeight:
         stance = schedule.feet[side]
         x, y = stance.to_sole(com).tolist()
         y += 0.5 * side.sign * legs.hip_width
-        vx, vy = (stance.rotation[:2, :2].T @ velocity).tolist()
+        vx, vy = (stance.rotation.T @ velocity).tolist()
         lowest = params.min_height_ratio * self.model.com_height
         above = lowest - legs.ankle_height - legs.com_above_hip
         squared = (params.max_stretch * legs.length) ** 2 - x * x - y * y

@@ -89,10 +89,7 @@ def plan_atlas_icp(
 
     Raises ValueError: a swing without a footstep, or a sole within the margin.
     """
-    if schedule.phase is Phase.SWING and not schedule.footsteps:
-        raise ValueError("footsteps = (): a swing needs the step in the air")
-    steps = () if schedule.phase is Phase.STANDING else schedule.footsteps
-    steps = steps[: params.num_previewed_steps]
+    steps, _ = schedule.preview(params.num_previewed_steps)
     points, omega = cmps(schedule, steps, params, model), model.omega
     now, start = schedule.start, None
     no_moves = np.zeros(len(steps))
@@ -100,7 +97,7 @@ def plan_atlas_icp(
         icp_start = icp(now.com, now.com_velocity, omega)
         start = np.concatenate([icp_start, no_moves])
     durations, ecmp, ecmp_velocity = _segments(
-        switches(schedule, steps, params), points, start, omega
+        switches(schedule, params), points, start, omega
     )
     com_start = np.concatenate([now.com, no_moves])
     pieces = solve_segments(
@@ -117,19 +114,15 @@ def plan_atlas_icp(
 
 
 def switches(
-    schedule: walking.ContactSchedule,
-    steps: tuple[walking.Footstep, ...],
-    params: AtlasIcpPlanParams,
+    schedule: walking.ContactSchedule, params: AtlasIcpPlanParams
 ) -> list[Switch]:
-    """Returns the CMP switches in the present phase and in `steps`.
+    """Returns the CMP switches in the present phase and in previewed steps.
 
     A step lasts from the corner point of its transfer to that of the next one,
     with the CMP on the toe for `toe_share` of it; the shift from heel to toe is
     clipped to the swing.
     """
-    last = schedule.final_transfer_duration
-    if len(schedule.footsteps) > len(steps) > 0:
-        last = schedule.footsteps[len(steps)].transfer_duration
+    steps, last = schedule.preview(params.num_previewed_steps)
     transfers = [*(step.transfer_duration for step in steps), last]
     swings = [step.swing_duration for step in steps]
     if schedule.phase is Phase.SWING:

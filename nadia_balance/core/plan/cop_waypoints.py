@@ -100,21 +100,14 @@ def cop_waypoints(
 
     Raises ValueError: a swing without a footstep, or no sole within the margin.
     """
-    if schedule.phase is walking.Phase.SWING and not schedule.footsteps:
-        raise ValueError("footsteps = (): a swing needs the step in the air")
-    feet, steps = schedule.feet, schedule.footsteps
-    if schedule.phase is walking.Phase.STANDING:
-        steps = ()
-    stance = Stance(params, sole)
+    steps, last = schedule.preview(params.num_previewed_steps)
+    feet, stance = schedule.feet, Stance(params, sole)
     phases = []
-    for i, step in enumerate(steps[: params.num_previewed_steps]):
+    for i, step in enumerate(steps):
         if i > 0 or schedule.phase is walking.Phase.TRANSFER:
             phases.append(stance.transfer(feet, step))
         phases.append(stance.swing(feet, step))
         feet = feet.with_foot(step.side, step.pose)
-    last = schedule.final_transfer_duration
-    if len(steps) > params.num_previewed_steps:
-        last = steps[params.num_previewed_steps].transfer_duration
     phases.append(stance.final_transfer(feet, last))
     if math.isfinite(schedule.duration):  # overrides the footstep's
         phases[0] = phases[0]._replace(duration=schedule.duration)

@@ -106,7 +106,7 @@ class FootPose(Immutable):
         return matrix
 
     def to_world(self, points_F: Array) -> Array:
-        """Points (n, 2) [m] of the sole frame, expressed in W."""
+        """Points (..., 2) [m] of the sole frame, expressed in W."""
         return np.asarray(self.p_WF[:2] + points_F @ self.rotation.T)
 
     def outline(self, sole: Array) -> Array:
@@ -115,7 +115,7 @@ class FootPose(Immutable):
         return np.asarray(self.p_WF[:2] + sole @ seen.T)
 
     def to_sole(self, points_W: Array) -> Array:
-        """Points (n, 2) [m] of W, expressed in the sole frame."""
+        """Points (..., 2) [m] of W, expressed in the sole frame."""
         return np.asarray((points_W - self.p_WF[:2]) @ self.rotation)
 
 
@@ -183,6 +183,18 @@ class ContactSchedule(Immutable):
     def in_contact(self, side: Side) -> bool:
         """True if the foot of `side` carries weight in this phase."""
         return self.phase is not Phase.SWING or side is self.support_side
+
+    def preview(self, number: int) -> tuple[tuple[Footstep, ...], float]:
+        """Returns `number` next steps at most, and the transfer [s] after them.
+
+        Raises ValueError: a swing without a footstep.
+        """
+        steps = () if self.phase is Phase.STANDING else self.footsteps
+        if self.phase is Phase.SWING and not steps:
+            raise ValueError("footsteps = (): a swing needs one in the air")
+        if len(steps) > number:
+            return steps[:number], steps[number].transfer_duration
+        return steps, self.final_transfer_duration
 
     @cached_property
     def legs_crossed(self) -> bool:

@@ -8,19 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.body.model import JointDriveParams
-from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.arrays import Array, cross
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 from nadia_balance.core.whole_body.params import CrossingTurnParams
 from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 
 # Rows of WholeBodyTerms; the joints' rows follow BASE.
-LEFT_SOLE = slice(0, 6)
-RIGHT_SOLE = slice(6, 12)
+SOLES = slice(0, 6), slice(6, 12)  # left, right
 BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
-SOLES = (LEFT_SOLE, RIGHT_SOLE)
 # Distance of the rolling axis from the sole's edge, in sole margins: inside the
 # wrench cone, not on its boundary.
 _ROLLING_MARGINS = 2.0
@@ -116,7 +114,7 @@ class WholeBodyTerms(NamedTuple):
     def angular_momentum(self) -> Array:
         """Angular momentum (3,) about the CoM in W, per unit of mass."""
         p_BC, v = self.com_state[:3] - self.q[4:7], self.com_state[3:]
-        return self.velocities[BASE][:3] - np.cross(p_BC, v)
+        return self.velocities[BASE][:3] - cross(p_BC, v)
 
 
 class WholeBodyCommand(NamedTuple):
@@ -161,24 +159,17 @@ def whole_body_command(
     `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
     `friction` coefficient to assume.
     """
-    left, right = Side
     of = params, model
     return WholeBodyCommand(
         momentum_rate=momentum_rate,
         heading=heading(state, swing),
         turn=crossing_turn(state, swing, params.crossing_turn),
-        contacts=(
-            state.schedule.in_contact(left),
-            state.schedule.in_contact(right),
-        ),
-        max_normal_forces=(
-            max_normal_force(state, left, *of),
-            max_normal_force(state, right, *of),
-        ),
+        contacts=tuple(map(state.schedule.in_contact, Side)),
+        max_normal_forces=tuple(max_normal_force(state, s, *of) for s in Side),
         swing=swing,
         normals=sole_normals(state),
         friction=friction,
-        edges=(rolling_edge(state, left, *of), rolling_edge(state, right, *of)),
+        edges=tuple(rolling_edge(state, s, *of) for s in Side),
         flatness=flatness(state, params),
         sinking=sinking(state, params),
     )

@@ -8,8 +8,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.core.whole_body import command as whole_body_command
-from nadia_balance.core.whole_body.command import SOLES
+from nadia_balance.core.whole_body.command import BASE, SOLES
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model
 from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
@@ -20,8 +19,8 @@ from nadia_balance.core.whole_body.tasks import Task, WeightedTasks, usual_tasks
 # Rows of J of the soles in contact, by (left, right).
 _CARRYING: dict[tuple[bool, ...], slice] = {
     (True, True): slice(0, 12),
-    (True, False): whole_body_command.LEFT_SOLE,
-    (False, True): whole_body_command.RIGHT_SOLE,
+    (True, False): SOLES[0],
+    (False, True): SOLES[1],
 }
 
 
@@ -154,9 +153,9 @@ class WholeBodyQp:
         motion = rows[6 * n : 6 * n + nv]
         motion[:, :nv] = terms.forces[:, :nv]
         motion[:, nv:] = -J.T
-        b = -terms.rows[: whole_body_command.BASE.stop, -1]
+        b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms, command)
-        b = np.concatenate((b[soles], b[whole_body_command.BASE]))
+        b = np.concatenate((b[soles], b[BASE]))
         limits = bounds[:, len(A) :]
         self._limits.fill(C, limits, terms, command, last_torques)
         H, g = self._cost(terms, command)

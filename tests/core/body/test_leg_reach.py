@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.body.com_height import ComHeightParams, leg_reach
+from nadia_balance.core.body.com_height import leg_reach
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.robot.model import load_robot_params
 
@@ -51,7 +51,6 @@ def test_nadias_is_the_papers():
 
 
 def test_refuses_legs_that_a_crouch_does_not_bend():
-    """Oracle: 0.97 of the legs, in a crouch at the full height."""
-    params = ComHeightParams(min_height_ratio=1.0)
-    with pytest.raises(ValueError, match=r"^com_height = 0\.95: must leave"):
-        leg_reach(LEGS, 0.95, 0.5, params)
+    """Oracle: 0.18 m and 0.97 of the legs are 0.927 m, less than 0.8 x 1.2."""
+    with pytest.raises(ValueError, match=r"^com_height = 1\.2: must leave"):
+        leg_reach(LEGS, 1.2, 0.5)

@@ -101,5 +101,5 @@ def test_sees_no_more_steps_than_it_previews(previewed):
 def test_refuses_a_swing_without_a_footstep():
     """Oracle: there is nowhere to swing to."""
     schedule = replace(walk(num_steps=0), phase=Phase.SWING)
-    with pytest.raises(ValueError, match="a swing needs the step in the air"):
+    with pytest.raises(ValueError, match="a swing needs one in the air"):
         cop.cop_waypoints(schedule, PARAMS, SOLE)

@@ -9,10 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-import numpy as np
-
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.lipm_limit import Capture
 from nadia_balance.scripts.sweep import Cell, Rows, Situation, limits
 from nadia_balance.scripts.sweep.limits import LimitTable, protocol_of
 from nadia_balance.scripts.sweep.search import SearchParams, Sweep, next_batch
@@ -65,9 +62,9 @@ class MadeUpLimit:
     on: object = None
     assumptions: str = "a point mass 2 m high"
 
-    def largest_push(self, direction_deg: float) -> Capture:
+    def largest_push(self, direction_deg: float) -> float:
         """Knows no direction."""
-        return Capture(self.largest, (), np.zeros((0, 2)), np.zeros(2))
+        return self.largest
 
 
 def table_of(rows: list[dict], search: SearchParams) -> LimitTable:
