@@ -69,14 +69,8 @@ def walk(
         centre = centre + R @ [length, sideways]
         p = centre + R @ [0.0, 0.125 * side.sign]
         steps.append(Footstep(side, FootPose([*p, 0.0], yaw), transfer, swing))
-    return ContactSchedule(
-        Phase.TRANSFER,
-        Side.LEFT,
-        transfer,
-        FEET,
-        tuple(steps),
-        at_rest(np.zeros(2)),
-    )
+    now, start = (Phase.TRANSFER, Side.LEFT, transfer), at_rest(np.zeros(2))
+    return ContactSchedule(*now, FEET, tuple(steps), start)
 
 
 def swing(**gait):
@@ -103,15 +97,17 @@ def successor(schedule, plan, t=None):
             start=plan.at(t).point(),
         )
     feet = schedule.feet.with_foot(steps[0].side, steps[0].pose)
-    steps = steps[1:]
-    return ContactSchedule(
-        Phase.TRANSFER,
-        schedule.support_side.other,
-        steps[0].transfer_duration if steps else 0.8,
-        feet,
-        steps,
-        plan.at(t).point(),
-    )
+    side, steps = schedule.support_side.other, steps[1:]
+    duration = steps[0].transfer_duration if steps else 0.8
+    start = plan.at(t).point()
+    return ContactSchedule(Phase.TRANSFER, side, duration, feet, steps, start)
+
+
+def stepping(feet, pose, phase=Phase.SWING, side=Side.RIGHT, duration=0.7):
+    """The foot of the `side` swings, or is about to, from `feet` to `pose`."""
+    now = {"phase": phase, "support_side": side.other, "duration": duration}
+    steps = (Footstep(side, pose, 0.3, duration),)
+    return replace(standing(feet), footsteps=steps, **now)
 
 
 def _mapped(schedule, feet, A, shift, turn):
@@ -120,17 +116,12 @@ def _mapped(schedule, feet, A, shift, turn):
     def move(pose):
         return FootPose([*(A @ pose.p_WF[:2] + shift), 0.0], turn(pose.yaw))
 
-    start = schedule.start
-    return replace(
-        schedule,
-        feet=FootPoses(*map(move, feet)),
-        footsteps=tuple(
-            replace(step, pose=move(step.pose)) for step in schedule.footsteps
-        ),
-        start=ReferencePoint(
-            A @ start.com + shift, A @ start.com_velocity, A @ start.cop + shift
-        ),
-    )
+    old = schedule.start
+    com, cop = A @ old.com + shift, A @ old.cop + shift
+    start = ReferencePoint(com, A @ old.com_velocity, cop)
+    steps = [replace(s, pose=move(s.pose)) for s in schedule.footsteps]
+    feet = FootPoses(*map(move, feet))
+    return replace(schedule, feet=feet, footsteps=tuple(steps), start=start)
 
 
 def moved(schedule, angle, shift):
@@ -148,13 +139,9 @@ def mirrored(schedule):
     there = _mapped(
         schedule, (feet.right, feet.left), flip, 0.0, lambda yaw: -yaw
     )
-    return replace(
-        there,
-        support_side=schedule.support_side.other,
-        footsteps=tuple(
-            replace(step, side=step.side.other) for step in there.footsteps
-        ),
-    )
+    side = schedule.support_side.other
+    steps = [replace(s, side=s.side.other) for s in there.footsteps]
+    return replace(there, support_side=side, footsteps=tuple(steps))
 
 
 def _near(size):
@@ -172,16 +159,12 @@ def random_walks(draw):
         transfer=draw(st.floats(0.05, 1.0)),
         swing=draw(st.floats(0.3, 1.5)),
     )
-    steps = tuple(
-        replace(
-            step,
-            pose=FootPose(
-                step.pose.p_WF + [draw(_near(0.1)), draw(_near(0.1)), 0.0],
-                step.pose.yaw + draw(_near(0.3)),
-            ),
-        )
-        for step in start.footsteps
-    )
+
+    def wild(pose):
+        p_WF = pose.p_WF + [draw(_near(0.1)), draw(_near(0.1)), 0.0]
+        return FootPose(p_WF, pose.yaw + draw(_near(0.3)))
+
+    steps = tuple(replace(s, pose=wild(s.pose)) for s in start.footsteps)
     xy = st.tuples(_near(0.05), _near(0.05))
     velocity = st.tuples(_near(0.2), _near(0.2))
     swinging = draw(st.booleans())

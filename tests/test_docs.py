@@ -8,8 +8,6 @@ import io
 import json
 import re
 import shlex
-import subprocess
-import sys
 import textwrap
 from collections.abc import Callable, Iterator
 
@@ -29,6 +27,7 @@ from nadia_balance.scripts.command_line import CommandLine, scenario_from
 from nadia_balance.scripts.envelope import sweep_from
 from tests import run_cache
 from tests.results import made_up_run
+from tests.scripts.running import ended, python
 from tests.source_files import ROOT, imports
 from tests.test_fuzz import leaves
 
@@ -101,10 +100,8 @@ print(json.dumps({{
 """
 
     def printed() -> str:
-        command = [sys.executable, "-c", code]
-        return subprocess.run(
-            command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
-        ).stdout
+        (line,) = ended(python("-c", code)).out
+        return line
 
     found = json.loads(once("docs.diagram.loop", block, printed, code))
     assert found["height"] == pytest.approx(found["started"], abs=0.02)

@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.whole_body import command as whole_body_command
+from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
@@ -105,3 +106,15 @@ def solve(
     found = qp.solve(terms, command(terms, contacts, **kwargs))
     assert found.qp.solved
     return terms, found
+
+
+def make_infeasible(monkeypatch):
+    """Bounds one force from below by 1 and from above by -1."""
+    fill = WholeBodyLimits.fill
+
+    def impossible(self, C, bounds, *arguments):
+        fill(self, C, bounds, *arguments)
+        C[-2] = C[-1]
+        bounds[:, -2:] = [[1.0, -np.inf], [np.inf, -1.0]]
+
+    monkeypatch.setattr(WholeBodyLimits, "fill", impossible)

@@ -5,9 +5,6 @@ All by ankles and hips alone (icp_only), on Nadia.
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
 from importlib.metadata import version
 
 import numpy as np
@@ -16,7 +13,6 @@ from pydrake.multibody import plant as mbp
 
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.core.whole_body.qp import WholeBodyLimits
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, start
 from nadia_balance.results import signal
@@ -27,7 +23,8 @@ from tests import run_cache
 from tests.blocks import answer
 from tests.clicks import click
 from tests.diagrams import simulated as runs
-from tests.source_files import ROOT
+from tests.scripts.running import ended, environment, python
+from tests.whole_body_examples import make_infeasible
 
 SWING = PHASES.index(Phase.SWING)
 STANDS = "{duration: 0.8}", "{duration: 0.8, engine: mujoco}"
@@ -133,18 +130,12 @@ def test_without_solutions_it_goes_down_softly(monkeypatch):
 
     No force is at least 1 and at most -1, from 0.6 s on.
     """
-    fill = WholeBodyLimits.fill
-
-    def impossible(self, C, bounds, *args):
-        fill(self, C, bounds, *args)
-        C[-2] = C[-1]
-        bounds[:, -2:] = [1.0, -np.inf], [np.inf, -1.0]
 
     def fell():
         diagram = runs.diagram_of()
         simulator = start(diagram)
         simulator.AdvanceTo(0.6)
-        monkeypatch.setattr(WholeBodyLimits, "fill", impossible)
+        make_infeasible(monkeypatch)
         return advance(simulator, 3.0).summary
 
     found = once("{}", fell)
@@ -198,14 +189,9 @@ def test_another_process_gives_the_same_bits():
     )
 
     def printed() -> str:
-        return subprocess.run(
-            [sys.executable, "-c", script],
-            cwd=ROOT,
-            env={**os.environ, "PYTHONHASHSEED": "17"},
-            capture_output=True,
-            check=True,
-            text=True,
-        ).stdout
+        env = environment() | {"PYTHONHASHSEED": "17"}
+        (line,) = ended(python("-c", script, env=env)).out
+        return line
 
     output = once(REPEATED, printed)
     assert output.strip() == digest(runs.simulated(REPEATED).logs)

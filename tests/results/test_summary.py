@@ -11,6 +11,10 @@ from shapely.affinity import rotate, translate
 from nadia_balance.results import signal
 from tests.results.made_up_run import MASS, cut, make_log, summary_of
 
+RESTLESS = "the ICP error did not stay below 0.05 m"
+SHORT = {"calm_steps": 2, "is_long_enough": False}
+MISSED = {"missed_pushes": 1, "calm_steps": 2}
+
 
 @pytest.fixture
 def log():
@@ -98,10 +102,8 @@ def test_calm_steps_are_whole_ones_with_small_errors(log, large_at, calm):
     assert summary_of(walks)["calm_steps"] == calm
     assert summary_of(walks, calm_steps=calm)["recovered"]
     more = summary_of(walks, calm_steps=calm + 1)
-    assert (more["outcome"], more["reason"]) == (
-        "failed",
-        f"the ICP error did not stay below 0.05 m for {calm + 1} whole steps",
-    )
+    reason = f"{RESTLESS} for {calm + 1} whole steps"
+    assert (more["outcome"], more["reason"]) == ("failed", reason)
     assert summary_of(log, calm_steps=calm + 1)["recovered"]
 
 
@@ -170,18 +172,9 @@ def test_sums_up_both_qps(log):
     ("rows", "told", "reason"),
     [
         # It lands at 2.77 and 3.77 s, after a push that ended at 2.076 s.
-        (
-            2000,
-            {"calm_steps": 2, "is_long_enough": False},
-            "too short: the ICP error did not stay below 0.05 m for 2 whole "
-            "steps",
-        ),
+        (2000, SHORT, f"too short: {RESTLESS} for 2 whole steps"),
         # What was not pushed took no steps after it either.
-        (
-            900,
-            {"missed_pushes": 1, "calm_steps": 2},
-            "not pushed: the push did not come before the end",
-        ),
+        (900, MISSED, "not pushed: the push did not come before the end"),
         (1200, {}, "too short: the run ended 0.32 s after the push"),
     ],
 )
@@ -241,8 +234,8 @@ def test_sway_and_the_time_of_the_recovery(log):
         ("state", 200, np.nan, "too fast: a joint at nan % of its limit"),
         ("actuation", 200, 300.0, ""),
         ("actuation", 200, -301.0, "a torque was above its limit"),
-        ("icp", slice(-50, None), 0.6, "the ICP error did not stay below 0.05"),
-        ("icp", -1, np.nan, "the ICP error did not stay below 0.05 m"),
+        ("icp", slice(-50, None), 0.6, RESTLESS),
+        ("icp", -1, np.nan, RESTLESS),
     ],
 )
 def test_a_limit_may_be_reached_and_not_passed(log, name, rows, value, reason):

@@ -39,27 +39,22 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
 CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])
 TIP = [0.0, 0.0, 0.05]
 WEDGE = Convex(np.vstack([np.c_[CORNERS, 4 * [-0.01]], TIP]).T, "wedge")
+TURNED = Box(0.1, 0.3, 0.02), (0.04, 0.0, -0.02), (0, 0, math.pi / 2)
+# Two, ahead; a third, higher one does not count.
+RAILS = [
+    (Capsule(0.02, 0.2), (0.05, y, z), (0, math.pi / 2, 0))
+    for y, z in ((-0.03, -0.04), (0.03, -0.04), (0.2, -0.03))
+]
+ASIDE = Cylinder(0.05, 0.04), (0.02, 0.01, 0), (0, 0, 0)
 
 
 @pytest.mark.parametrize(
     "shapes, ends",
     [
-        (  # turned by 90 degrees
-            [(Box(0.1, 0.3, 0.02), (0.04, 0.0, -0.02), (0, 0, math.pi / 2))],
-            (-0.11, 0.19, 0.05, -0.03),
-        ),
-        (  # two rails, ahead; a third, higher one does not count
-            [
-                (Capsule(0.02, 0.2), (0.05, y, z), (0, math.pi / 2, 0))
-                for y, z in ((-0.03, -0.04), (0.03, -0.04), (0.2, -0.03))
-            ],
-            (-0.05, 0.15, 0.03, -0.06),
-        ),
+        ([TURNED], (-0.11, 0.19, 0.05, -0.03)),
+        (RAILS, (-0.05, 0.15, 0.03, -0.06)),
         ([(WEDGE, (0, 0, -0.02), (0, 0, 0))], (-0.05, 0.15, 0.04, -0.03)),
-        (  # symmetric about y = 0
-            [(Cylinder(0.05, 0.04), (0.02, 0.01, 0), (0, 0, 0))],
-            (-0.03, 0.07, 0.04, -0.02),
-        ),
+        ([ASIDE], (-0.03, 0.07, 0.04, -0.02)),  # symmetric about y = 0
     ],
 )
 def test_soles_are_where_shapes_meet_the_ground(shapes, ends):

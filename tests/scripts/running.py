@@ -1,5 +1,6 @@
 """Running a script in this process, and looking at what it says."""
 
+import errno
 import json
 import os
 import subprocess
@@ -35,6 +36,11 @@ def assert_refused(outcome: Outcome, message: str):
     assert outcome.code == 2
     (line,) = outcome.err
     assert line.partition(": ")[2].startswith(message)
+
+
+def full_disk(*_):
+    """Writes nothing: there is no room."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def summary_of(folder: Path) -> dict:

@@ -3,7 +3,6 @@
 By simulate.py, which is no more than that.
 """
 
-import errno
 import io
 import os
 import signal
@@ -159,11 +158,7 @@ def test_results_are_whole_although_nobody_reads_the_story(tmp_path):
 
 def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, capsys):
     """Oracle: the system's error in the last file; the story is told."""
-
-    def fill(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(pages, "write_plots", fill)
+    monkeypatch.setattr(pages, "write_plots", running.full_disk)
     outcome = run(capsys, "--out", tmp_path)
     assert outcome.code == 4
     assert outcome.err == ["simulate.py: [Errno 28] No space left on device"]

@@ -1,8 +1,6 @@
 """A run as MCAP, read by the library of MCAP's makers."""
 
-import errno
 import json
-import os
 import sys
 from collections import defaultdict
 from pathlib import Path
@@ -17,7 +15,7 @@ from pydrake.math import RigidTransform
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.scripts import export_mcap
 from tests.results.made_up_run import cut, make_log, without_robot
-from tests.scripts.running import assert_refused, run_script
+from tests.scripts.running import assert_refused, full_disk, run_script
 from tests.whole_body_examples import context_at, kinematics, random_state
 
 ROWS = 17  # of which 0, 8 and 16 are pictures
@@ -142,9 +140,6 @@ def test_says_how_the_extra_is_installed(run, monkeypatch, capsys):
 
 
 def test_a_full_disk_leaves_no_half_file(run, monkeypatch, capsys):
-    def fill(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(Path, "write_bytes", fill)
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
     assert run_script(export_mcap, [run], capsys).code == 4
     assert {file.name for file in run.iterdir()} == {"log.npz", "scenario.yaml"}

@@ -58,20 +58,6 @@ def free_body() -> MultibodyPlant:
     return plant
 
 
-@pytest.mark.parametrize(
-    ("at", "delay", "duration", "first", "count"),
-    [
-        ("0.0 s", 0.0, 0.1, 0, 50),
-        ("0.05 s", 0.0, 0.002, 25, 1),
-        ("0.01 s", 0.006, 0.3, 8, 150),
-    ],
-)
-def test_pushes_once_for_exactly_its_ticks(at, delay, duration, first, count):
-    """Oracle: from tick (time + delay) / T on, duration / T ticks."""
-    push = Push(force=50.0, at=at, delay=delay, duration=duration)
-    assert active(run([push], 400)) == list(range(first, first + count))
-
-
 @functools.cache
 def steps(skips=()) -> list[walk.WalkingState]:
     """Ticks of a right swing, a transfer to the right foot, a left swing, ...
@@ -95,26 +81,30 @@ def walking(*skips):
     return lambda t: steps(skips)[round(t / PERIOD)]
 
 
+LATER = {"at": f"right swing {40.0 / 0.7} %"}
+
+
 @pytest.mark.parametrize(
-    ("at", "skips", "tick"),
+    ("push", "skips", "tick", "count"),
     [
-        ("right swing 25 %", [], 88),
-        ("left transfer 100 %", [], 499),
-        ("left swing 100 %", [], 849),
+        ({"at": "0.05 s", "duration": 0.002}, [], 25, 1),
+        ({"at": "0.01 s", "delay": 0.006, "duration": 0.3}, [], 8, 150),
+        ({"at": "right swing 25 %"}, [], 88, 50),
+        ({"at": "left transfer 100 %"}, [], 499, 50),
+        ({"at": "left swing 100 %"}, [], 849, 50),
         # 40 / 0.7 % of 0.7 s are 0.4 s: the clock jumps over it, to a later
         # time of the phase or to the next phase, or over earlier times.
-        (f"right swing {40.0 / 0.7} %", [(0.3, 0.5)], 150),
-        (f"right swing {40.0 / 0.7} %", [(0.3, 1.0)], 150),
-        (f"right swing {40.0 / 0.7} %", [(0.1, 0.2), (0.3, 0.35)], 125),
+        (LATER, [(0.3, 0.5)], 150, 50),
+        (LATER, [(0.3, 1.0)], 150, 50),
+        (LATER, [(0.1, 0.2), (0.3, 0.35)], 125, 50),
     ],
 )
-def test_a_push_begins_once_at_its_point_of_the_gait(at, skips, tick):
-    """Oracle: 350 ticks of swing, 150 of transfer, counted by hand.
-
-    All of a phase is its last tick.
+def test_pushes_once_for_exactly_its_ticks(push, skips, tick, count):
+    """Oracle: 350 ticks of swing, 150 of transfer, counted by hand; from tick
+    (time + delay) / T on, duration / T ticks; all of a phase is its last tick.
     """
-    forces = run([Push(force=1.0, at=at)], 2200, walking(*skips))
-    assert active(forces) == list(range(tick, tick + 50))
+    forces = run([Push(force=1.0, **push)], 2200, walking(*skips))
+    assert active(forces) == list(range(tick, tick + count))
 
 
 def test_a_push_that_comes_too_late_keeps_the_direction_of_its_phase():

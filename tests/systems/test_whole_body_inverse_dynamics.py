@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import WalkingState
-from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.systems.signals import QpStatus
@@ -70,7 +69,7 @@ def test_damps_without_a_solution_and_gives_up_in_the_end(
     simulator, context = running(system, **inputs())
     good, *_ = outputs(system, context)
     simulator.AdvanceTo(PERIOD)
-    make_infeasible(monkeypatch)
+    examples.make_infeasible(monkeypatch)
     fix(system, context, momentum_rate=PUSHED + 1.0)
     step = nadia().drives.max_torque_rate * PERIOD
     step *= examples.kinematics().plant.GetEffortUpperLimits()
@@ -88,15 +87,3 @@ def test_damps_without_a_solution_and_gives_up_in_the_end(
     assert QpStatus(status).solved == wrenches.any() == goes_on
     assert QpStatus(status).failures == unsolved + (not goes_on)
     assert actuation.any() == goes_on
-
-
-def make_infeasible(monkeypatch):
-    """Bounds one force from below by 1 and from above by -1."""
-    fill = WholeBodyLimits.fill
-
-    def impossible(self, C, bounds, *arguments):
-        fill(self, C, bounds, *arguments)
-        C[-2] = C[-1]
-        bounds[:, -2:] = [[1.0, -np.inf], [np.inf, -1.0]]
-
-    monkeypatch.setattr(WholeBodyLimits, "fill", impossible)

@@ -18,19 +18,11 @@ PARAMS = reachability.ReachabilityParams()
 def test_base_region_is_four_quarter_ellipses():
     """Oracle: (x / l)^2 + ((y - w_nom) / w)^2 <= 1, by hand."""
     params = reachability.ReachabilityParams(length_backward=0.8)
-    for x, y, inside in (
-        (0.0, 0.125, True),
-        (0.0, 0.124, False),
-        (0.0, 0.8, True),
-        (0.0, 0.801, False),
-        (0.999, 0.25, True),
-        (-0.801, 0.25, False),
-        (0.7, 0.65, False),
-        (0.6, 0.6, True),
-        (0.6, 0.15, True),
-        (-0.6, 0.15, False),
-    ):
-        assert params.in_base_region(x, y) is inside, (x, y)
+    inside = (0.0, 0.125), (0.0, 0.8), (0.999, 0.25), (0.6, 0.6), (0.6, 0.15)
+    beside = (0.0, 0.124), (0.0, 0.801), (-0.801, 0.25), (0.7, 0.65)
+    for points, expected in (inside, True), ((*beside, (-0.6, 0.15)), False):
+        for x, y in points:
+            assert params.in_base_region(x, y) is expected, (x, y)
 
 
 def test_the_base_polygon_is_inside_the_ellipse_and_touches_it():

@@ -16,14 +16,8 @@ from nadia_balance.core.estimation.sensors import SensorParams
 T = 0.004
 G = np.array([0.0, 0.0, -9.81])
 BLIND = SensorParams(joint_noise=1e-3, gyro_bias=2e-3, force_bias=0.05)
-NOISY = SensorParams(
-    gyro_noise=2e-4,
-    gyro_bias=2e-3,
-    gyro_walk=1e-4,
-    force_noise=3e-3,
-    force_bias=0.05,
-    force_walk=1e-3,
-    joint_noise=1e-3,
+NOISY = replace(
+    BLIND, gyro_noise=2e-4, gyro_walk=1e-4, force_noise=3e-3, force_walk=1e-3
 )
 JOINTS = 12
 LEG = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 6, JOINTS))  # Jacobians

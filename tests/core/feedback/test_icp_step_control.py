@@ -94,31 +94,22 @@ def test_delta_is_that_of_the_qp():
     assert found.adjustment.pose.p_WF[0] > 0.2
 
 
-def test_the_shift_counts_from_the_nominal_foothold():
-    """Oracle: the same answer with the new foothold; back without error."""
+def test_the_shift_counts_from_the_nominal_foothold_beyond_the_dead_band():
+    """Oracles: the same answer with the new foothold; back without error; the
+    dead band: by Eq. 18, 1 mm of ICP is 1 mm / Gamma.
+    """
     state = in_swing(length=0.0)
-    planned = state.schedule.footsteps[0].pose
-    straight = reference_icp(state)
-    first = feedback(state, straight + [0.1, 0.0]).adjustment
-    moved = replace(next_tick(state, first), time_in_phase=MIDDLE)
-    again = feedback(moved, straight + [0.1, 0.0]).adjustment
-    assert again.pose is first.pose
-    assert again.nominal.pose is planned
-    assert feedback(moved, straight).adjustment.pose is planned
-
-
-def test_a_change_within_the_dead_band_moves_no_foothold():
-    """Oracle: the dead band; by Eq. 18, 1 mm of ICP is 1 mm / Gamma."""
-    state = in_swing(length=0.0)
-    icp = reference_icp(state) + [0.1, 0.0]
-    gamma = plan_of(state).moves_of(state)[0, 0]
+    planned, straight = state.schedule.footsteps[0].pose, reference_icp(state)
+    gamma, icp = plan_of(state).moves_of(state)[0, 0], straight + [0.1, 0.0]
     first = feedback(state, icp).adjustment
     moved = replace(next_tick(state, first), time_in_phase=MIDDLE)
-    near, far = (
-        feedback(moved, icp + [gamma * way, 0.0]).adjustment
-        for way in (0.5 * PARAMS.dead_band, 2.0 * PARAMS.dead_band)
+    again, near, far = (
+        feedback(moved, icp + [gamma * way * PARAMS.dead_band, 0.0]).adjustment
+        for way in (0.0, 0.5, 2.0)
     )
-    assert near.pose is first.pose
+    assert again.pose is near.pose is first.pose
+    assert again.nominal.pose is planned
+    assert feedback(moved, straight).adjustment.pose is planned
     way = far.pose.p_WF[0] - first.pose.p_WF[0]
     assert way == pytest.approx(2.0 * PARAMS.dead_band, rel=0.02)
 

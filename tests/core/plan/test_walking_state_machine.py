@@ -17,16 +17,9 @@ from nadia_balance.core.plan.walking_state_machine import (
     WalkingStateMachineParams,
 )
 from nadia_balance.core.walking import vocabulary as walking
+from tests import example_walks as walks
 from tests.core.body.test_ground import square
-from tests.example_walks import (
-    FEET,
-    MODEL,
-    OMEGA,
-    SOLE,
-    planned,
-    successor,
-    swing,
-)
+from tests.example_walks import FEET, MODEL, OMEGA, SOLE
 
 PERIOD = 0.002
 WEIGHT = 1000.0  # [N]
@@ -235,9 +228,9 @@ HASTY = LiftOffParams(max_held_wait=0.0)
 @functools.cache
 def transfer():
     """A transfer to the left foot, its plan, and where the ICP should end."""
-    schedule = swing(length=0.0)
-    schedule = successor(schedule, planned(schedule))
-    plan = planned(schedule)
+    schedule = walks.swing(length=0.0)
+    schedule = walks.successor(schedule, walks.planned(schedule))
+    plan = walks.planned(schedule)
     return schedule, plan, plan.at(schedule.duration).icp
 
 
@@ -255,14 +248,11 @@ def test_lifts_within_the_ellipse():
     """Oracle: by hand; it is narrower on the outside of the foot."""
     schedule, _, _ = transfer()
     out = schedule.support_side.sign
-    assert lifts((0.034, 0.0))
-    assert lifts((-0.034, 0.0))
+    for x in (0.034, -0.034, 0.0):
+        assert lifts((x, 0.0))
     assert not lifts((0.036, 0.0))
-    assert lifts((0.0, -out * 0.0145))
-    assert not lifts((0.0, -out * 0.0155))
-    assert lifts((0.0, out * 0.0115))
-    assert not lifts((0.0, out * 0.0125))
-    assert lifts((0.0, 0.0))
+    for y, good in (-0.0145, 1), (-0.0155, 0), (0.0115, 1), (0.0125, 0):
+        assert lifts((0.0, out * y)) == good
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,8 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
+from nadia_balance.core.body import reachability
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.body.reachability import (
-    BASE,
-    circle,
-    in_world,
-    total_region,
-)
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.math.polygon import (
@@ -134,10 +129,10 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps):
         steps[k] = replace(steps[k], swing_duration=T)
     schedule = replace(swing(), footsteps=tuple(steps))
     found = geometry(schedule, replace(PARAMS, num_steps=num_steps))
-    reach, reaches = total_region(MODEL.reach, True), []
+    reach, reaches = reachability.total_region(MODEL.reach, True), []
     for step in steps[:-1]:
         stance = FootPose(yaw=step.pose.yaw)
-        reaches.append(in_world(reach, stance, step.side.other))
+        reaches.append(reachability.in_world(reach, stance, step.side.other))
     periods = [step.transfer_duration + step.swing_duration for step in steps]
     contractions = [math.exp(-OMEGA * T) for T in periods[1:]]
     one_step = found.one_step_region(np.array([0.1, 0.06]), (0.3, 0.32))
@@ -157,7 +152,7 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps):
 def test_discs_grow_as_koolen_says():
     """Oracle: d_N = (d_N-1 + l_max) e^-wT, by Koolen et al."""
     length, E, expected = 0.7, math.exp(-3.0 * 0.6), 0.0
-    for offsets in later_steps([circle(length, 256)] * 4, [E] * 4):
+    for offsets in later_steps([reachability.circle(length, 256)] * 4, [E] * 4):
         distances = np.linalg.norm(offsets, axis=1)
         assert distances == pytest.approx(expected, rel=1e-12)
         expected = (expected + length) * E
@@ -305,4 +300,4 @@ def test_allows_feet_on_the_ground_side_by_side():
     assert found.place_at(np.array([0.0, -0.125])) == found.places[0]
     assert found.place_at(np.array([0.0, 0.05])) is None  # on the stance foot
     assert found.place_at(np.array([0.3, -0.125])) is None  # beside the stone
-    assert found.places[0].reach == BASE
+    assert found.places[0].reach == reachability.BASE

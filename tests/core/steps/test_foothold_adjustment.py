@@ -10,12 +10,8 @@ import pytest
 import shapely
 from shapely.ops import nearest_points
 
-from nadia_balance.core.body.reachability import (
-    BACKWARD,
-    BASE,
-    FORWARD,
-    closest_point,
-)
+from nadia_balance.core.body import reachability
+from nadia_balance.core.body.reachability import BACKWARD, BASE, FORWARD
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.math.polygon import contains, convex_hull
 from nadia_balance.core.steps.capture_region import (
@@ -429,7 +425,7 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
     now, foot, icp = (0.4, 0.9), np.array([0.0, -0.125]), np.array([0.0, 0.4])
     case = Landing(GEOMETRY, icp, now, foot)
     ahead = foot + convex_hull(rectangle(0.2, 0.1)) + [0.3, -0.2]
-    corner, _ = closest_point(ahead, case.capture_region)
+    corner, _ = reachability.closest_point(ahead, case.capture_region)
     detour = GEOMETRY.model.detour
     t = 2.0 * math.sqrt(math.dist(foot, corner) / detour.max_acceleration)
     t += detour.settling

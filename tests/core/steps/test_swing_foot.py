@@ -14,15 +14,9 @@ from nadia_balance.core.steps.swing_foot import (
     end_beyond,
     quintic,
 )
-from nadia_balance.core.walking.vocabulary import (
-    FootPose,
-    FootPoses,
-    Footstep,
-    Phase,
-    Side,
-    WalkingState,
-)
-from tests.example_walks import IDEAL_DETOUR, MODEL, standing
+from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking.vocabulary import FootPose, Side
+from tests.example_walks import IDEAL_DETOUR, MODEL, stepping
 
 HORIZON = 0.6
 TIMES = np.array([HORIZON])
@@ -100,12 +94,10 @@ def swing_state(
     t, goal=GOAL, yaw=0.2, duration=0.7, start=START, stance=STANCE, gained=0.0
 ):
     """The right foot swings from `start` to `goal`."""
-    feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
-    step = Footstep(Side.RIGHT, FootPose([*goal, 0.0], yaw), 0.3, duration)
-    schedule = replace(
-        standing(feet), phase=Phase.SWING, duration=duration, footsteps=(step,)
-    )
-    return WalkingState(schedule, t, t - gained, waiting=t >= duration)
+    feet = walking.FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
+    pose, late = FootPose([*goal, 0.0], yaw), t >= duration
+    schedule = stepping(feet, pose, duration=duration)
+    return walking.WalkingState(schedule, t, t - gained, waiting=late)
 
 
 def crossing(t, goal, start=NOMINAL, **kwargs):
@@ -114,10 +106,11 @@ def crossing(t, goal, start=NOMINAL, **kwargs):
     return swing_state(t, goal, 0.0, start=start, stance=origin, **kwargs)
 
 
-def follow(states, params=PARAMS, detour=DETOUR):
-    """All references along `states`, shape (n, 3, 4)."""
-    motion = at_rest(states[0].schedule.feet[Side.RIGHT])
-    foot, path = SwingFoot(params, replace(MODEL, detour=detour), PERIOD), []
+def follow(states, start=None):
+    """All references along `states`, shape (n, 3, 4); else begins at rest."""
+    feet = states[0].schedule.feet
+    motion = at_rest(feet[Side.RIGHT]) if start is None else start
+    foot, path = SwingFoot(PARAMS, replace(MODEL, detour=DETOUR), PERIOD), []
     for state in states:
         motion, _ = foot.motion(motion, state)
         path.append(motion)
@@ -161,13 +154,8 @@ def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
     """
     pva = np.zeros((3, 4))
     pva[0], pva[1, 2] = (0.4, -0.15, 0.02, 0.2), rate
-    motion, path = pva, [pva[:, 2]]
-    foot = SwingFoot(PARAMS, replace(MODEL, detour=DETOUR), PERIOD)
-    late = swing_state(0.7)
-    for _ in range(100):
-        motion, _ = foot.motion(motion, late)
-        path.append(motion[:, 2])
-    _, v, a = np.array(path).T
+    path = np.array([pva, *follow(100 * [swing_state(0.7)], pva)])
+    _, v, a = path[:, :, 2].T
     mean = 0.5 * (a[1:] + a[:-1])
     assert np.diff(v) == pytest.approx(mean * PERIOD, abs=1e-4)
     assert v[-1] == pytest.approx(-PARAMS.touchdown_velocity, abs=0.01)
@@ -273,11 +261,8 @@ def test_a_foot_that_sinks_long_before_it_may_land_is_lifted(
     t = np.linspace(0.05, 0.95, 19)[:, None] * left
     plain = quintic(start[:, 2:3], end, np.full(1, left), t)[0]
     assert (plain.min() < -0.005) == lifted
-    motion, path = start, []
-    foot = SwingFoot(PARAMS, replace(MODEL, detour=DETOUR), PERIOD)
-    for time in np.arange(0.7 - left, 0.7, PERIOD):
-        motion, _ = foot.motion(motion, swing_state(time, goal))
-        path.append(motion[0, 2])
+    clock = np.arange(0.7 - left, 0.7, PERIOD)
+    path = follow([swing_state(t, goal) for t in clock], start)[:, 0, 2]
     assert min(path) > -1e-3
     assert (max(path) > 0.03) == lifted
     assert path[-1] < 0.01

@@ -10,7 +10,6 @@ from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.vocabulary import (
     FootPose,
     FootPoses,
-    Footstep,
     Phase,
     Side,
     WalkingState,
@@ -21,26 +20,20 @@ from nadia_balance.core.whole_body.command import (
     crossing_turn,
     whole_body_command,
 )
-from tests.example_walks import standing
+from tests.example_walks import stepping
 
 MASS = 900.0 / GRAVITY
 NO_JOINTS = [np.zeros(0)] * 6
 MODEL = WholeBodyModel(MASS, 0.25, 0.12, np.zeros((2, 3)), *NO_JOINTS)
 
 
-def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), steps=1, **kwargs):
+def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), **kwargs):
     """A phase of 1 s; `yaws` of the left and the right foot."""
     feet = FootPoses(
         FootPose([0.0, 0.1, 0.0], yaws[0]), FootPose([0.0, -0.1, 0.0], yaws[1])
     )
-    step = Footstep(support.other, feet[support.other], 0.3, 0.7)
-    schedule = replace(
-        standing(feet),
-        phase=phase,
-        support_side=support,
-        duration=1.0,
-        footsteps=(step,) * steps,
-    )
+    swing = support.other
+    schedule = stepping(feet, feet[swing], phase, swing, duration=1.0)
     return WalkingState(schedule, **kwargs)
 
 
@@ -157,14 +150,7 @@ def turn_of(
     feet = FootPoses(stance, other)
     if side is Side.LEFT:
         feet = FootPoses(other, stance)
-    schedule = replace(
-        standing(),
-        phase=phase,
-        support_side=side.other,
-        feet=feet,
-        footsteps=(Footstep(side, other, 0.3, 0.7),),
-    )
-    swing = np.zeros(12)
+    schedule, swing = stepping(feet, other, phase, side), np.zeros(12)
     swing[:2], swing[3:5], swing[6:8] = other.p_WF[:2], v, a
     return crossing_turn(WalkingState(schedule), swing, PARAMS)
 

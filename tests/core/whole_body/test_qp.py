@@ -13,6 +13,7 @@ from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
+from tests.core.whole_body.test_limits import knee_at
 from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
@@ -164,14 +165,11 @@ def test_a_joint_s_speed_comes_before_its_position(speed):
     The lower limit of the position is out of reach within the upper one of the
     speed; a knee that is too fast to return has to slow down first.
     """
-    state = standing_state()
-    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
-    beyond = model(LEFT_KNEE_Y=state[knee + 1] + 4.0)
-    state[30 + knee] = speed
+    knee, terms = knee_at(speed)
+    beyond = model(LEFT_KNEE_Y=standing_state()[knee + 1] + 4.0)
     limits = WholeBodyLimits(WholeBodyQpParams(), beyond, PERIOD)
-    terms, bounds = terms_at(state), np.zeros((2, 400))
-    wish = command(terms)
-    limits.fill(np.zeros((400, 41)), bounds, terms, wish)
+    bounds = np.zeros((2, 400))
+    limits.fill(np.zeros((400, 41)), bounds, terms, command(terms))
     lower, upper = bounds[:, 23 + knee - 6]
     most = 0.95 * beyond.max_speed[knee - 6]
     assert lower == pytest.approx(np.clip((most - speed) / 0.02, -500, 500))

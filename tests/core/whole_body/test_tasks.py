@@ -32,6 +32,15 @@ from tests.whole_body_examples import (
 STEP = 1e-6
 
 
+def swinging(terms, slope):
+    """A command: the right sole swings, tilted forward by `slope` [rad]."""
+    swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
+    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
+    wish = command(terms, (True, False))._replace(swing=swing)
+    wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
+    return wish, swing
+
+
 @pytest.mark.parametrize("slope", [0.0, 0.2])
 def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     """Oracle: PD laws written out, with Drake's angle and axis.
@@ -40,12 +49,8 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     turned.
     """
     terms, params = terms_at(random_state(0, 2.0)), WholeBodyQpParams()
-    swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
-    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
-    wish = command(terms, (True, False))._replace(
-        swing=swing, heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2)
-    )
-    wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
+    wish, swing = swinging(terms, slope)
+    wish = wish._replace(heading=(0.2, 0.3, 0.4), turn=(0.05, 0.1, 0.2))
     _, *tasks = usual_tasks(params, model())
     torso, pelvis, foot = (task.motion(terms, wish) for task in tasks)
 
@@ -92,10 +97,7 @@ def test_the_ankle_follows_the_reference_of_the_sole(slope):
     """
     state = random_state(0, 2.0)
     terms, params = terms_at(state), WholeBodyQpParams()
-    swing = np.array([0, 0, 0, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, 0.15, 0.4, 0.5])
-    swing[:3] = terms.sole_positions[1] + [0.01, 0.02, 0.03]
-    wish = command(terms, (True, False))._replace(swing=swing)
-    wish.normals[1] = math.sin(slope), 0.0, math.cos(slope)
+    wish, swing = swinging(terms, slope)
     foot = usual_tasks(params, model())[-1].motion(terms, wish)
 
     rows = ankle_rows(state)

@@ -58,38 +58,26 @@ def test_knows_the_limits_of_a_folder():
 HEAD = "scenario,at,mechanisms,direction_deg,recovered\npush,1 s,step,"
 
 
+BAD = "", "\0", "a,b\n1,2\n", HEAD[:-6]
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "\0",
-        "a,b\n1,2\n",
-        *(HEAD + end for end in "0,nan 0,-1 400,1 x,1".split()),
-        HEAD[:-6],
-    ],
+    "text", [*BAD, *(HEAD + end for end in "0,nan 0,-1 400,1 x,1".split())]
 )
 def test_what_is_no_limit_is_refused(text, tmp_path):
     """Oracle: no push is below zero, and no direction beyond 360 deg."""
     (tmp_path / "limits.csv").write_text(text)
-    with pytest.raises(
-        ValueError, match="^limits = .*: must have a limits.csv"
-    ):
+    message = "^limits = .*: must have a limits.csv"
+    with pytest.raises(ValueError, match=message):
         known_limits(tmp_path)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"engine": "mujoco"},
-        {"sensors": "consumer"},
-        {"text": "{terrain: {name: stairs}}"},
-    ],
-)
-def test_the_limit_is_of_a_point_mass_whatever_walks(changes):
+def test_the_limit_is_of_a_point_mass_whatever_walks():
     """Oracle: the limit of the same scenario in Drake, with perfect sensors."""
-    found, wanted = (
-        limits_of(load_scenario("push", **one), AT)[0] for one in (changes, {})
+    stairs = {"text": "{terrain: {name: stairs}}"}
+    changed = {"engine": "mujoco"}, {"sensors": "consumer"}, stairs
+    wanted, *found = (
+        limits_of(load_scenario("push", **changes), AT)[0].largest_push(0)
+        for changes in ({}, *changed)
     )
-    assert found.largest_push(0) == pytest.approx(
-        wanted.largest_push(0), rel=1e-6
-    )
+    assert found == pytest.approx(3 * [wanted], rel=1e-6)
