@@ -110,8 +110,8 @@ class WholeBodyKinematics:
         turn = plant.CalcJacobianAngularVelocity
         bias = plant.CalcBiasSpatialAcceleration
         for sole, frame, p_BP in self._points:
+            rows[sole, :-1] = move(context, _V, frame, p_BP, world, world)
             of = context, _V, frame, p_BP, world, world
-            rows[sole, :-1] = move(*of)
             rows[sole, -1] = bias(*of).get_coeffs()
         torso = self._torso
         rows[command.TORSO, :-1] = turn(context, _V, torso, world, world)
