@@ -94,7 +94,7 @@ def test_the_page_tells_how_the_single_pushes_ended():
 def test_results_and_pictures_are_of_this_code():
     """Oracle: the fingerprints of this code, and of what `make results` makes.
 
-    That of the code is of one Python.  A policy's rows are of no code of ours.
+    That of the code is of one Python.  A policy's rows are not of our control.
     """
     page = (RESULTS / "README.md").read_text("utf-8")
     first, *lines = (RESULTS / "made.txt").read_text("utf-8").splitlines()
