@@ -26,7 +26,7 @@ STEP = 0.01  # spacing of the candidate times of a via point [s]
 # Factor by which the remaining time is stretched, and the largest number of
 # times, until the acceleration is at most PEAK times `max_acceleration` [-].
 _STRETCH, _STRETCHES = 1.1, 8
-_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the remaining time
+_CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the time
 
 _SINKING = 0.04  # horizon of the way to the touchdown velocity [s]
 _GENTLE = 2.0 / 3.0  # share of the largest deceleration in a planned descent
@@ -146,7 +146,9 @@ class SwingFoot:
         if not self._sinks(height, descent, left):
             apex = self._apex(float(start[0, 2]), ground, left, state)
         if apex is not None:
-            end[:, Z] = _aim(start[:, Z], landing, left, apex)
+            vertical = start[:, Z], landing, left, apex
+            if t := _time_past(*vertical):
+                end[:, Z] = end_beyond(*vertical, t)
         if edges and edges.are_in_the_way(start[0, :3]):
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
         elif edges:
@@ -195,22 +197,25 @@ class SwingFoot:
         """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
 
         The quintic follows `way` (n, 2) past its first corner, if possible with
-        at most PEAK times `max_acceleration`.
+        at most PEAK times `max_acceleration` on the whole way.
         """
         end = np.zeros((3, 2))
         end[0] = way[-1]
         detour = self.model.detour
         needed = detour.shortest_time(way, start[1])
         left = max(left, needed)
-        corner = len(way) > 2
-        times = _CHECKED[: len(_CHECKED) // 2] if corner else _CHECKED
         most = PEAK * detour.max_acceleration
-        aim = end
         for _ in range(_STRETCHES):
-            aim = _aim(start, end, left, way[1]) if corner else end
+            aim, t = end, 0.0
+            if len(way) > 2 and (t := _time_past(start, end, left, way[1])):
+                aim = end_beyond(start, end, left, way[1], t)
             if left > _STRETCH**_STRETCHES * needed:
                 break
-            a = quintic(start, aim, np.full(2, left), left * times)[2]
+            times = left * _CHECKED
+            a = quintic(start, aim, np.full(2, left), times)[2]
+            # Behind the corner, the fifth derivative is another.
+            late = np.maximum(times - t, 0.0)
+            a -= 20.0 * (aim[0] - end[0]) * late**3 / (left - t) ** 5
             if np.max(np.hypot(*a.T)) <= most:
                 break
             left *= _STRETCH
@@ -238,14 +243,12 @@ class SwingFoot:
         return np.array([apex]) if z < apex else None
 
 
-def _aim(start: Array, end: Array, left: float, via: Array) -> Array:
-    """Returns the end (3, n) of the quintic through `via` (n,), or `end`."""
+def _time_past(start: Array, end: Array, left: float, via: Array) -> float:
+    """Returns the time [s] to pass `via` (n,); 0 if too soon or too late."""
     if left < 2.0 * _SOON:
-        return end
+        return 0.0
     t = time_to_pass(start, end, left, via)
-    if min(t, left - t) < _SOON:
-        return end
-    return end_beyond(start, end, left, via, t)
+    return 0.0 if min(t, left - t) < _SOON else t
 
 
 def _over_edges(

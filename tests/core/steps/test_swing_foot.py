@@ -218,6 +218,21 @@ def test_a_foot_sent_across_in_mid_swing_neither_jumps_nor_hits():
         assert gap(p[:, :2]).min() > FREE
 
 
+def test_a_hurried_leg_uncrosses_no_faster_than_it_can():
+    """Oracle: twice full thrust; the distance of two rectangles.
+
+    Behind the corner the quintic that it left there counted: near a corner the
+    foot was asked for seven times full thrust.
+    """
+    clock = np.minimum(np.arange(0.0, 0.6, PERIOD), 0.24)
+    start, goal = (-0.37, 0.13), (0.11, -0.61)
+    path = follow([crossing(t, goal, start, duration=0.24) for t in clock])
+    most = 2.0 * DETOUR.max_acceleration
+    assert np.hypot(*path[:, 2, :2].T).max() < 1.01 * most
+    assert gap(path[:, 0, :2]).min() > FREE
+    assert path[-1, 0, :2] == pytest.approx(goal, abs=1e-3)
+
+
 def test_turns_the_short_way_round():
     """Oracle: yaw 2 pi + 0.2 is the same direction as 0.2."""
     near = follow([swing_state(t, yaw=0.2) for t in times()])
