@@ -21,7 +21,7 @@ from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
 
-STEP = 0.01  # spacing of the candidate times of a via point [s]
+STEP = 0.002  # spacing of the candidate times of a via point [s]
 
 # Factor by which the remaining time is stretched, and the largest number of
 # times, until the acceleration is at most PEAK times `max_acceleration` [-].
