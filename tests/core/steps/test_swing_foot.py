@@ -218,14 +218,17 @@ def test_a_foot_sent_across_in_mid_swing_neither_jumps_nor_hits():
         assert gap(p[:, :2]).min() > FREE
 
 
-def test_a_hurried_leg_uncrosses_no_faster_than_it_can():
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [((-0.37, 0.13), (0.11, -0.61)), ((-0.33, 0.16), (0.19, -0.52))],
+)
+def test_a_hurried_leg_uncrosses_no_faster_than_it_can(start, goal):
     """Oracle: twice full thrust; the distance of two rectangles.
 
-    Behind the corner the quintic that it left there counted: near a corner the
-    foot was asked for seven times full thrust.
+    It was asked for seven times full thrust by the quintic that it leaves at
+    the corner, and for 2.3 times with via times on a grid of 10 ms.
     """
     clock = np.minimum(np.arange(0.0, 0.6, PERIOD), 0.24)
-    start, goal = (-0.37, 0.13), (0.11, -0.61)
     path = follow([crossing(t, goal, start, duration=0.24) for t in clock])
     most = 2.0 * DETOUR.max_acceleration
     assert np.hypot(*path[:, 2, :2].T).max() < 1.01 * most
