@@ -124,6 +124,9 @@ def test_a_plant_of_ones_own_is_that_of_the_robot():
     made, _ = robot.add_plant_to(DiagramBuilder())
     assert own.num_bodies() == made.num_bodies()
     assert (own.GetDefaultPositions() == made.GetDefaultPositions()).all()
+    for name in "contact_model", "discrete_contact_approximation":
+        get = f"get_{name}"
+        assert getattr(own, get)() == getattr(made, get)(), name
 
 
 def test_some_lines_more_are_uneven_ground():
