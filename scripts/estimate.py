@@ -23,6 +23,7 @@ from nadia_balance.systems.estimation import StateEstimator
 SENSED = "imu", "joints", "foot_forces"
 FILES = "estimate.npz", "estimate.png"
 _CSV = {"delimiter": ",", "names": True, "deletechars": ""}
+_CSV |= {"encoding": "utf-8-sig"}  # a spreadsheet's
 
 
 @command_line.program
@@ -74,6 +75,8 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
     columns = imu, [*joints, *speeds], ["left_force", "right_force"]
     sizes = dict(zip(SENSED, (9, 2 * len(joints), 2), strict=True))
     try:
+        if not path.stat().st_size:
+            raise ValueError("it is empty")
         if path.suffix == ".csv":
             table = np.genfromtxt(path, **_CSV)
             parts = [np.array([table[c] for c in of]).T for of in columns]
@@ -91,6 +94,8 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
                 raise ValueError(f"{name} must be ({len(t)}, {size})")
         if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
             raise ValueError("t must rise in equal steps")
+        if log["imu"][0, 5] < 0.0:
+            raise ValueError("force_z must be 9.81 m/s^2 while it stands")
     except command_line.BROKEN as error:
         what = f"a CSV or npz as in docs/sensors.md ({error})"
         raise ValueError(f"log = {path}: must be {what}") from None

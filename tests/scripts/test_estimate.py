@@ -55,6 +55,7 @@ def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
     table = np.column_stack([*rows.values()])[:, ::-1]
     csv = tmp_path / "log.csv"
     look = {"delimiter": ",", "comments": "", "fmt": "%.17g"}
+    look["encoding"] = "utf-8-sig"  # a spreadsheet's
     np.savetxt(csv, table, header=",".join(head[::-1]), **look)
     outcome(rows, tmp_path, capsys)
     found = run_script(estimate, [csv, "--out", tmp_path / "csv"], capsys)
@@ -71,6 +72,7 @@ def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
     ("name", "spoil", "message"),
     [
         ("imu", lambda a: a[:, :5], r"log = .*imu must be [(]\d+, 9[)]"),
+        ("imu", lambda a: -a, "log = .*force_z must be 9.81 m/s"),
         ("imu", None, "log = .*: must be a CSV or npz .*imu"),
         ("joints", lambda a: a[:-1], r"log = .*joints must be [(]\d+, 46[)]"),
         ("t", lambda a: a**2, "log = .*t must rise in equal steps"),
@@ -93,9 +95,10 @@ def test_a_wrong_log_is_refused(log, tmp_path, capsys, name, spoil, message):
     assert not any((tmp_path / "out").glob("*"))
 
 
-def test_a_log_of_another_kind_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize("name, text", [("a.txt", "t,gyro_x\n"), ("a.csv", "")])
+def test_a_log_of_another_kind_is_refused(name, text, tmp_path, capsys):
     """Oracle: the line, by hand; NumPy's tells to load it unsafely."""
-    (tmp_path / "log.txt").write_text("t,gyro_x\n")
-    found = run_script(estimate, [tmp_path / "log.txt"], capsys)
-    assert_refused(found, f"log = {tmp_path}/log.txt: must be a CSV or npz")
+    (tmp_path / name).write_text(text)
+    found = run_script(estimate, [tmp_path / name], capsys)
+    assert_refused(found, f"log = {tmp_path}/{name}: must be a CSV or npz")
     assert "unsafely" not in found.err[0]
