@@ -199,6 +199,9 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
     changes = {name: getattr(args, name) for name in same}
     file, text = args.scenario_file, args.scenario_text
     scenario = load_scenario(args.scenario_name, file, text, **changes)
+    if scenario.robot.endswith((".yaml", ".yml")):
+        # It may be read again, or simulated, in another folder.
+        scenario.robot = str(Path(scenario.robot).resolve())
     if args.terrain is not None:
         scenario.terrain.name = args.terrain
         check(scenario)

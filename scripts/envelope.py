@@ -184,11 +184,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
 def scenario_of(args: argparse.Namespace, name: str) -> Scenario:
     """Returns the scenario `name`, with its own mechanisms."""
     one = vars(args) | {"scenario_name": name, "mechanisms": None}
-    scenario = command_line.scenario_from(argparse.Namespace(**one))
-    if scenario.robot.endswith((".yaml", ".yml")):
-        # Trials may run in another folder.
-        scenario.robot = str(Path(scenario.robot).resolve())
-    return scenario
+    return command_line.scenario_from(argparse.Namespace(**one))
 
 
 def moments(asked: dict[str, str]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ import pytest
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results import pages
+from nadia_balance.robot.params import MODELS
 from nadia_balance.scripts import command_line, simulate
 from tests.scripts import running
 from tests.scripts.running import assert_refused, ended, run_script, summary_of
@@ -32,12 +33,15 @@ def test_simulates_a_scenario_of_a_file(tmp_path, capsys):
     file = tmp_path / "mine.yaml"
     gait = "gait: {num_steps: 2, step: {length: 0.1}}"
     file.write_text(f"two: {{duration: 5.5, {gait}}}\n")
+    robot = (MODELS / "nadia" / "robot.yaml").resolve()
     argv = ["--scenario_file", file, "--scenario_name", "two", *LIPM]
-    outcome = run_script(simulate, [*argv, "--out", tmp_path / "run"], capsys)
+    argv += ["--out", tmp_path / "run", "--robot", os.path.relpath(robot)]
+    outcome = run_script(simulate, argv, capsys)
     assert (outcome.code, outcome.err) == (0, [])
     assert "WALKED 2 steps, and one to bring the feet tog" in outcome.out[0]
     summary = summary_of(tmp_path / "run")
     assert (summary["steps_taken"], summary["commanded_steps"]) == (3, 2)
+    assert f" {robot}\n" in (tmp_path / "run" / "scenario.yaml").read_text()
     assert summary["pushes"] == []
     assert (summary["direction_deg"], summary["delta_v"]) == (None, None)
 
