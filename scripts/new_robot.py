@@ -1,6 +1,7 @@
 """Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks."""
 
 import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import argparse
 import sys
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results.folder import appearing, prepare_folder
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import margins, reach_within, too_weak
@@ -17,6 +19,7 @@ from nadia_balance.scripts import command_line
 # Twenty seconds of steps, with standing before and after them.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
 NAMES = "pelvis", "torso", "left_foot", "right_foot"
+MADE = "robot.urdf", "robot.yaml"
 
 
 @command_line.program
@@ -24,28 +27,48 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
     parser = _parser()
     args = parser.parse_args(argv)
-    robot = args.out / "robot.yaml"
     with parser.refusing():
-        roots = args.package_root or []
-        for root in roots:
+        for root in args.package_root or []:
             if not root.is_dir():
                 raise ValueError(f"package-root = {root}: must be a folder")
-        if robot.exists() and not args.force:
-            raise ValueError(f"{robot}: exists; --force overwrites it")
-        try:
-            from nadia_balance.new_robot.make import make_robot
-        except ImportError as error:
-            install = "pip install 'nadia_balance[robots]'"
-            raise ValueError(f"{error.name} is missing: {install}") from None
-        given = {"package_roots": roots, "armature": args.armature}
-        given["named"] = {name: getattr(args, name) for name in NAMES}
-        notes = make_robot(args.file, args.out, fix=args.fix or [], **given)
-        command_line.say(*notes.lines())
-        made = load_robot(str(robot), args.fidelity)
-        command_line.say(_fit_reach(made, args.out), *too_weak(made))
-    command_line.say(f"wrote {args.out}/{{robot.urdf, robot.yaml}}")
-    walk = not args.no_walk
-    return _walk(str(robot), args.fidelity) if walk else command_line.DONE
+        source = args.file.resolve(strict=True)
+        for path in (args.out / name for name in MADE):
+            if path.resolve() == source:
+                raise ValueError(f"out = {args.out}: must not be that of FILE")
+            if path.exists() and not args.force:
+                raise ValueError(f"{path}: exists; --force overwrites it")
+        folder = prepare_folder(args.out)
+    with appearing(folder) as drafts:
+        with parser.refusing():
+            _make(args, drafts)
+        if (meshes := drafts / "meshes").exists():
+            (folder / "meshes").mkdir(exist_ok=True)
+            for mesh in meshes.iterdir():
+                mesh.replace(folder / "meshes" / mesh.name)
+            meshes.rmdir()
+    command_line.say(f"wrote {folder}/{{{', '.join(MADE)}}}")
+    if args.no_walk:
+        return command_line.DONE
+    return _walk(str(folder / "robot.yaml"), args.fidelity)
+
+
+def _make(args: argparse.Namespace, folder: Path) -> None:
+    """Makes the robot in `folder` and says how; ValueError: it cannot be."""
+    try:
+        from nadia_balance.new_robot.make import make_robot
+    except ImportError as error:
+        install = "pip install 'nadia_balance[robots]'"
+        raise ValueError(f"{error.name} is missing: {install}") from None
+    given = {"package_roots": args.package_root or [], "fix": args.fix or []}
+    given["named"] = {name: getattr(args, name) for name in NAMES}
+    notes = make_robot(args.file, folder, armature=args.armature, **given)
+    command_line.say(*notes.lines())
+    try:
+        made = load_robot(str(folder / "robot.yaml"), args.fidelity)
+    except ValueError as error:
+        words = str(error).replace(str(folder), str(args.out))
+        raise ValueError(words) from None
+    command_line.say(_fit_reach(made, folder), *too_weak(made))
 
 
 def _fit_reach(robot: RobotModel, folder: Path) -> str:
@@ -75,7 +98,7 @@ def _parser() -> command_line.CommandLine:
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
     add, path = parser.add_argument, command_line.place
     add("--out", type=path, required=True, help="the folder")
-    add("--force", action="store_true", help="overwrite a robot.yaml in it")
+    add("--force", action="store_true", help="overwrite a robot in it")
     about = "weld the joints of these names; may come several times"
     add("--fix", action="append", metavar="REGEX", help=about)
     several = {"action": "append", "type": path, "metavar": "DIR"}

@@ -179,8 +179,20 @@ def _take_shape(link: robots.Link, part: _Part, colours, folders, notes):
         return
     material = colours.get(part.text("material", "name"), "")
     colour = part.text("material/color", "rgba", material)
+    if colour and not _is_colour(colour):
+        notes.add("changed", "left out the colours of", part.name)
+        colour = ""
     X, role = part.pose("origin"), part.element.tag
     link.shapes.append(robots.Shape(role, kind, size, X, colour, mesh))
+
+
+def _is_colour(text: str) -> bool:
+    """True for red, green, blue and alpha in [0, 1]: Drake refuses others."""
+    try:
+        parts = [float(part) for part in text.split()]
+    except ValueError:
+        return False
+    return len(parts) == 4 and min(parts) >= 0.0 and max(parts) <= 1.0
 
 
 def _find_mesh(name: str, folders: Sequence[Path]) -> Path:

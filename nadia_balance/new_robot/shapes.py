@@ -26,6 +26,7 @@ _BONE = 0.15  # radius over length of a thigh or shin without shapes [-]
 # less than this share of their radius [-].
 _CLEARANCE, _THINNEST = 0.03, 0.5
 _SHOE_ABOVE_SOLE = 0.004  # [m]
+_THINNEST_PLATE = 1e-4  # [m]
 _SPHERE = 0.005  # radius of the spheres at the soles' corners [m]
 
 Shapes = dict[str, list[robots.Shape]]  # by link
@@ -64,7 +65,8 @@ def sole_plane(shapes: list, down: Array, source: str) -> SolePlane | None:
     """The supporting plane with the largest area of the convex hull."""
     if not shapes:
         return None
-    hull = ConvexHull(np.concatenate([shape.points() for shape in shapes]))
+    points = np.concatenate([shape.points() for shape in shapes])
+    hull = ConvexHull(_thickened(points))
     first, *others = hull.points[hull.simplices].swapaxes(0, 1)
     sides = np.cross(*(corners - first for corners in others))
     areas = 0.5 * np.linalg.norm(sides, axis=1)
@@ -169,13 +171,21 @@ def _solid(kind: str, X: RigidTransform, **size: float) -> robots.Shape:
     return robots.Shape(robots.COLLIDING, kind, sizes, X)
 
 
+def _thickened(points: Array) -> Array:
+    """The points (n, 3), twice if they are in a plane, which has no hull."""
+    *_, normal = np.linalg.svd(points - points[0], full_matrices=False)[2]
+    if np.ptp(points @ normal) > _THINNEST_PLATE:
+        return points
+    return np.concatenate((points, points + _THINNEST_PLATE * normal))
+
+
 def _fitted(link: robots.Link, smallest: float) -> list[robots.Shape]:
     """A capsule about `link`; none if it is smaller than `smallest` [m]."""
     shapes = link.of(robots.COLLIDING) or link.shapes
     points = np.concatenate([np.zeros((0, 3)), *(s.points() for s in shapes)])
     if not shapes or np.ptp(points, axis=0).max() < smallest:
         return []
-    T_BL, extents = trimesh.bounds.oriented_bounds(points)
+    T_BL, extents = trimesh.bounds.oriented_bounds(_thickened(points))
     order = np.argsort(extents)  # the longest becomes z
     R_BG = np.eye(3)[:, order]
     R_BG[:, 0] *= np.linalg.det(R_BG)

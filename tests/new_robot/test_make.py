@@ -210,6 +210,7 @@ def test_says_what_it_mends(tmp_path):
     mesh = '<mesh filename="package://hands/thumb.stl"'
     (tmp_path / "broken.stl").write_bytes(80 * b" " + b"\7\0\0\0")
     broken = '<mesh filename="broken.stl"'
+    red = '<material name="red"><color rgba="255 0 0 1"/></material>'
     notes = faulty(
         tmp_path,
         (r'(name="l_shin".*?ixx=")', r"\g<1>-"),
@@ -218,6 +219,7 @@ def test_says_what_it_mends(tmp_path):
         (r'(name="l_thumb".*?)<sphere radius="0.01"', rf"\1{mesh}"),
         (r'(name="r_thumb".*?)<sphere radius="0.01"', rf"\1{broken}"),
         (r'(name="l_palm".*?)radius="0.02"', r'\1radius="0.00"'),
+        (r'(name="r_palm".*?<visual>)', rf"\1{red}"),
         (r'(name="chest".*?i..=").*?(".*?").*?(".*?").*?"', r'\1 0\2 0\3 0"'),
         fix=["r_sw.*"],
         make=make_robot,
@@ -229,6 +231,7 @@ def test_says_what_it_mends(tmp_path):
         "left out visual of link l_palm: sphere: radius = '0.00': must be > 0",
         f"left out visual of link r_thumb: {tmp_path}/broken.stl: must be a "
         "whole STL, OBJ or Collada file",
+        "left out the colours of: visual of link r_palm",
         "moments of inertia of 0, now of a box: chest",
         "moments of inertia that no body has, made possible: l_shin",
         "welded as asked: r_swing",

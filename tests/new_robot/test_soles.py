@@ -31,6 +31,12 @@ def along_x(kind, y) -> Shape:
     return shape(kind, (0.0, y, 0.0), LYING, radius=0.02, length=0.2)
 
 
+def flat() -> Shape:
+    """A mesh without thickness."""
+    mesh = trimesh.Trimesh(CORNERS, [[0, 1, 2], [1, 3, 2]])
+    return Shape(COLLIDING, "mesh", {}, TILT, mesh=mesh)
+
+
 def rounded() -> Shape:
     """A shoe whose sole is 0.2 x 0.08 m, its edges rounded by 0.02 m."""
     ball = trimesh.creation.icosphere(4, 0.02).vertices
@@ -50,10 +56,11 @@ def rounded() -> Shape:
         ),
         # A point 2 mm above the plane of the rounding counts, 9 mm outside.
         ([rounded()], 0.02, (0.2172, 0.0972)),
+        ([flat()], 0.0, (0.2, 0.08)),
         # An ankle on a plate.
         ([box(0.2, 0.1, 0.02), box(0.1, 0.1, 0.1, HIGH)], 0.01, (0.2, 0.1)),
     ],
-    ids=["box", "spheres", "cylinders", "capsules", "rounded", "plate"],
+    ids=["box", "spheres", "cylinders", "capsules", "rounded", "flat", "plate"],
 )
 def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
     """Oracle: the shapes' own figures; 1 mm where the mesh is a polyhedron."""
@@ -64,6 +71,14 @@ def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
     assert sole.depth == pytest.approx(depth, abs=5e-4)
     flat = (TILT.inverse() @ sole.points.T)[:2]
     assert np.ptp(flat, axis=1) == pytest.approx(size, abs=2e-3)
+
+
+def test_a_plate_has_a_capsule():
+    """Oracle: by hand: 0.9 of the mean of 0.08 m and 0; the plate is as long."""
+    (capsule,) = soles._fitted(Link("plate", shapes=[flat()]), 0.1)
+    radius, length = (capsule.size[name] for name in ("radius", "length"))
+    assert radius == pytest.approx(0.018, abs=1e-4)
+    assert length + 2.0 * radius == pytest.approx(0.2, abs=1e-4)
 
 
 def test_collision_comes_before_visual_unless_it_is_small():

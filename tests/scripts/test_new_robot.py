@@ -1,5 +1,6 @@
 """One command from a URDF of anybody's to a robot that walks."""
 
+import re
 import sys
 
 import pytest
@@ -80,15 +81,30 @@ def test_refuses_what_makes_no_robot(file, argv, message, tmp_path, capsys):
 
 
 @pytest.mark.usefixtures("any_reach")
-def test_an_edited_robot_is_overwritten_only_by_force(file, tmp_path, capsys):
+@pytest.mark.parametrize("name", new_robot.MADE)
+def test_an_edited_robot_is_overwritten_only_by_force(
+    name, file, tmp_path, capsys
+):
     """Oracle: the text of the user, and that it is gone."""
-    made = tmp_path / "robot.yaml"
+    made = tmp_path / name
     made.write_text("mine", encoding="utf-8")
     argv = [file, "--out", tmp_path, "--no-walk"]
     assert_refused(run_script(new_robot, argv, capsys), f"{made}: exists; ")
     assert made.read_text(encoding="utf-8") == "mine"
     assert run_script(new_robot, [*argv, "--force"], capsys).code == 0
     assert "mine" not in made.read_text(encoding="utf-8")
+
+
+def test_what_is_refused_leaves_everything_as_it_was(file, tmp_path, capsys):
+    """Oracle: the files; an effort of 1 N m carries nobody."""
+    mine = tmp_path / "robot.urdf"
+    weak = re.sub(r'effort="\d+', 'effort="1', file.read_text("utf-8"))
+    mine.write_text(weak, encoding="utf-8")
+    for out, why in (tmp_path, "out = "), (tmp_path / "made", "urdf = "):
+        argv = [mine, "--out", out, "--force"]
+        assert_refused(run_script(new_robot, argv, capsys), why)
+        assert mine.read_text(encoding="utf-8") == weak
+    assert not any((tmp_path / "made").iterdir())
 
 
 def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
