@@ -74,7 +74,7 @@ def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
 
 
 def test_a_plate_has_a_capsule():
-    """Oracle: by hand: 0.9 of the mean of 0.08 m and 0; the plate is as long."""
+    """Oracle: by hand: 0.9 of the mean of 0.08 m and 0, the whole plate."""
     (capsule,) = soles._fitted(Link("plate", shapes=[flat()]), 0.1)
     radius, length = (capsule.size[name] for name in ("radius", "length"))
     assert radius == pytest.approx(0.018, abs=1e-4)
