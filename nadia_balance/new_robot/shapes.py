@@ -172,11 +172,12 @@ def _solid(kind: str, X: RigidTransform, **size: float) -> robots.Shape:
 
 
 def _thickened(points: Array) -> Array:
-    """The points (n, 3), twice if they are in a plane, which has no hull."""
-    *_, normal = np.linalg.svd(points - points[0], full_matrices=False)[2]
-    if np.ptp(points @ normal) > _THINNEST_PLATE:
-        return points
-    return np.concatenate((points, points + _THINNEST_PLATE * normal))
+    """The points (n, 3), and copies of them aside if they have no volume."""
+    away = points - points[0]
+    for axis in np.linalg.eigh(away.T @ away)[1].T:
+        if np.ptp(points @ axis) < _THINNEST_PLATE:
+            points = np.concatenate((points, points + _THINNEST_PLATE * axis))
+    return points
 
 
 def _fitted(link: robots.Link, smallest: float) -> list[robots.Shape]:
