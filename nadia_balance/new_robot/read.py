@@ -192,7 +192,7 @@ def _is_colour(text: str) -> bool:
         parts = [float(part) for part in text.split()]
     except ValueError:
         return False
-    return len(parts) == 4 and min(parts) >= 0.0 and max(parts) <= 1.0
+    return len(parts) == 4 and all(0.0 <= part <= 1.0 for part in parts)
 
 
 def _find_mesh(name: str, folders: Sequence[Path]) -> Path:
