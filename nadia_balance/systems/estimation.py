@@ -78,11 +78,7 @@ class Imu(LeafSystem):
     """
 
     def __init__(
-        self,
-        robot: RobotModel,
-        sensors: SensorParams,
-        period: float,
-        seed: int = 0,
+        self, robot: RobotModel, sensors: SensorParams, period: float, seed: int
     ):
         """Measures the `robot` every `period` [s].
 
@@ -143,11 +139,7 @@ class JointEncoders(LeafSystem):
     """
 
     def __init__(
-        self,
-        robot: RobotModel,
-        sensors: SensorParams,
-        period: float,
-        seed: int = 0,
+        self, robot: RobotModel, sensors: SensorParams, period: float, seed: int
     ):
         """Measures the `robot` every `period` [s]."""
         super().__init__()
