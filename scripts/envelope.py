@@ -94,7 +94,7 @@ def parser_of() -> command_line.CommandLine:
 
 def running_flags(add: Callable, out: str) -> None:
     """Adds the flags of `carry_out`; `out` is what help calls the default."""
-    about = "processes on this machine (default: %(default)s)"
+    about = "processes on this machine (default: all its cores)"
     add("--workers", type=int, default=CPU_COUNT, help=about)
     about = "of a Dask cluster to run on, tcp://host:port"
     add("--scheduler", help=about)

@@ -10,7 +10,6 @@ Examples:
 import dataclasses
 import importlib
 import inspect
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,7 +87,7 @@ SUMMARY = {
         "m",
         "of each landed sole from the edge of its region; negative: beside it",
     ),
-    "qp_failures": ("", "ticks without a solution: the last torques are held"),
+    "qp_failures": ("", "ticks without a solution: the joints are damped"),
     "qp_fallbacks": (
         "",
         "ticks in which Clarabel solved what DAQP did not: the solution is as "
@@ -188,8 +187,6 @@ def flags(script: str) -> Iterator[str]:
     for action in parser._actions:
         words = "`, `".join(action.option_strings) or action.dest
         text = action.help and parser._get_formatter()._expand_help(action)
-        # As on any machine.
-        text = re.sub(r"\d+, its cores", "its cores", text or "")
         if "--help" in action.option_strings:
             continue
         if action.choices:
