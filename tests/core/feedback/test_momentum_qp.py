@@ -56,7 +56,9 @@ def cost_rows(error, previous, params):
 vectors = st.tuples(*[st.floats(-0.3, 0.3, allow_subnormal=False)] * 2)
 
 
-@given(*[vectors] * 5)
+@given(
+    icp=vectors, error=vectors, previous=vectors, cop_r=vectors, kappa_r=vectors
+)
 def test_agrees_with_quadprog(icp, error, previous, cop_r, kappa_r):
     """Oracle: quadprog, which shares no code with us.
 
