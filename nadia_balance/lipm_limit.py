@@ -58,7 +58,8 @@ class LipmLimit:
     y, at any time and without cost.  If the CoM falls by `fall` [m/s] at each
     touchdown, the ICP is, to first order, that of a touchdown fall / (2 g)
     earlier (see ComHeight.sinking).  The feet stay parallel.  Without
-    `on.step`, `on.swing` or `on.transfer`, footholds or durations are planned.
+    `on.step`, `on.swing` or `on.transfer`, footholds or durations are the
+    planned ones.
 
     Raises ValueError: `kappa` or `fall` is negative.
     """

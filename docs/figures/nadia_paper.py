@@ -106,8 +106,7 @@ def draw_feedback() -> Figure:
         )
         limits = momentum_qp.feedback_limits(SOLE, 0.0, params)
         qp = momentum_qp.IcpFeedbackQp(params)
-        at = ERROR, ERROR, COP_R, none, np.zeros(4), limits
-        ecmp = qp.solve(*at).ecmp
+        ecmp = qp.solve(ERROR, COP_R, none, np.zeros(4), limits).ecmp
         asked = COP_R + params.feedback_gain * ERROR
         edge = {"alpha": 0.0, "linewidth": 0.8}
         _draw_sole(ax, STANCE, SWING.other, "support polygon")

@@ -173,7 +173,8 @@ def _back(robot: Description, leg: Leg, forward: Array) -> float:
 def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     """Returns the fields of robot.yaml; sets the frames of `robot`.
 
-    Raises ValueError: a foot has no sole, or it cannot stand with bent knees.
+    Raises ValueError: a foot has no sole, or it cannot stand on level ones with
+    bent knees.
     """
     legs, feet = list(anatomy.legs.values()), list(anatomy.feet.values())
     forward, _, up = anatomy.axes.T

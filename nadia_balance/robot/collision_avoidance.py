@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import Capsule, SceneGraphInspector, Sphere
@@ -10,8 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.math import segments
-from nadia_balance.core.math.arrays import cross
+from nadia_balance.core.math.arrays import SegmentPairs, cross
 from nadia_balance.core.whole_body.command import Avoidance
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.model import RobotModel
@@ -19,6 +17,7 @@ from nadia_balance.robot.plants import body_poses, joints
 
 MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
+_ORIGIN = np.zeros(3)
 _TINY = 1e-9  # avoids division by zero if the axes of links meet [m]
 
 
@@ -77,7 +76,7 @@ class CollisionAvoidance:
         self._sides = np.array(numbers, dtype=int)
         self._pair_bodies = self._owner[self._sides]
         lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
-        self._pairs = segments.SegmentPairs(lengths[self._sides])
+        self._pairs = SegmentPairs(lengths[self._sides])
         radii = np.array([s.radius for s in shapes])
         self._radii = radii[self._sides].sum(axis=0)
         self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
@@ -89,71 +88,79 @@ class CollisionAvoidance:
         """
         distance, rows = self.distances(context)
         params, v = self._params, self._plant.GetVelocities(context)
-        rows[:, -1] -= params.braking(distance, rows[:, :-1] @ v)
         near = distance < params.attention
-        return Avoidance(rows[near], math.sqrt(params.arm_weight) * rows[~near])
+        limits, braking = (
+            np.column_stack(
+                (rows[of], -params.braking(distance[of], rows[of] @ v))
+            )
+            for of in (near, ~near)
+        )
+        return Avoidance(limits, math.sqrt(params.arm_weight) * braking)
 
     def distances(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
-        """Returns distances (k,) [m], and rows [A, a] (k, nv + 1) of them.
+        """Returns distances (k,) [m], and their rows (k, nv), k <= MAX_PAIRS.
 
-        A v are their rates, A vdot + a their accelerations; k <= MAX_PAIRS.
+        Rows times v are the rates of the distances.
         """
-        plant, world = self._plant, self._world
+        plant = self._plant
         X_WB = body_poses(plant, context, self._bodies)
-        pairs = self._near_round(X_WB)
+        distance, normal, p, bodies = self._near_round(X_WB)
         if self._others:
-            both = zip(pairs, self._near_others(context, X_WB), strict=True)
-            pairs = _Near(*(np.concatenate(fields, axis=-1) for fields in both))
-        V_WB = np.empty((len(self._bodies), 6))
-        for i in set(pairs.bodies.ravel().tolist()):
-            V = self._bodies[i].EvalSpatialVelocityInWorld(context)
-            V_WB[i] = V.get_coeffs()
-        w, v = np.split(V_WB.T.take(pairs.bodies, axis=1), 2)
-        p_BP_W = pairs.p - X_WB[:, :, 3].T.take(pairs.bodies, axis=1)
-        v = v + cross(w, p_BP_W)
-        rates = np.einsum("ik,ik->k", pairs.normal, v[:, 0] - v[:, 1])
-        braking = self._params.braking(pairs.distance, rates)
-        near = pairs.distance < self._params.attention
+            more = self._near_others(context, X_WB)
+            both = zip((distance, normal, p, bodies), more, strict=True)
+            distance, normal, p, bodies = (
+                np.concatenate(arrays, axis=-1) for arrays in both
+            )
+        if not distance.size:
+            return np.empty(0), np.empty((0, plant.num_velocities()))
+        # n . (v + w x r) = (r x n) . w + n . v for V = [w, v] of a body; a
+        # shift of the point along n, from axis to surface, has no effect.
+        W = np.empty((6, 2, distance.size))
+        W[3:, 0], W[3:, 1] = normal, -normal
+        W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        velocity = plant.EvalBodySpatialVelocityInWorld
+        V = np.empty((len(self._bodies), 6))
+        for i in set(bodies.ravel().tolist()):
+            V[i] = velocity(context, self._bodies[i]).get_coeffs()
+        rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
+        braking = self._params.braking(distance, rates)
+        near = distance < self._params.attention
         urgent = (near | (braking > 0.0)).nonzero()[0]
-        urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
-        rows = np.empty((urgent.size, plant.num_velocities() + 1))
-        if not urgent.size:
-            return np.empty(0), rows
-        pairs = _Near(*(field.take(urgent, axis=-1) for field in pairs))
-        w, v, p = (x.take(urgent, axis=2) for x in (w, v, p_BP_W))
-        a = np.empty(v.shape)
-        for k, row in enumerate(rows):
-            J = []
-            for link, i in enumerate(pairs.bodies[:, k].tolist()):
-                B = self._bodies[i].body_frame()
-                p_BP = p[:, link, k] @ X_WB[i, :, :3]
-                of = context, _V, B, p_BP, world, world
-                J.append(plant.CalcJacobianTranslationalVelocity(*of))
-                a[:, link, k] = plant.CalcBiasTranslationalAcceleration(*of).T
-            row[:-1] = pairs.normal[:, k] @ (J[0] - J[1])
-        n, axes, curvature = pairs.normal, pairs.axes, pairs.curvature
-        rows[:, -1] = segments.acceleration(n, curvature, axes, w, v, a)
-        return pairs.distance, rows
+        if urgent.size > 1:
+            urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
+        rows = np.empty((urgent.size, plant.num_velocities()))
+        jacobian = plant.CalcJacobianSpatialVelocity
+        world = self._world
+        for row, k in zip(rows, urgent.tolist(), strict=True):
+            frames = [self._bodies[body].body_frame() for body in bodies[:, k]]
+            J_A, J_B = (
+                jacobian(context, _V, frame, _ORIGIN, world, world)
+                for frame in frames
+            )
+            row[:] = W[:, 0, k] @ J_A + W[:, 1, k] @ J_B
+        return distance[urgent], rows
 
-    def _near_round(self, X_WB: np.ndarray) -> "_Near":
-        """Returns the near pairs of capsules and spheres."""
+    def _near_round(self, X_WB: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Returns the n near pairs of capsules and spheres.
+
+        Distances (n,) [m], normals (3, n) from the second to the first link,
+        closest points (3, 2, n) [m] on the axes, both in W, and numbers (2, n)
+        of the links.
+        """
         placed = (X_WB.take(self._owner, axis=0) @ self._segments).T
-        p, axes = self._pairs.closest_points(*placed.take(self._sides, axis=2))
+        begin, way = placed.take(self._sides, axis=2)
+        p = self._pairs.closest_points(begin, way)
         apart = p[:, 0] - p[:, 1]
         squares = np.einsum("ik,ik->k", apart, apart)
         near = (squares < self._squared_far).nonzero()[0]
-        length, radii = np.sqrt(squares.take(near)), self._radii.take(near)
-        return _Near(
-            length - radii,
-            apart.take(near, axis=1) / np.maximum(length, _TINY),
-            p.take(near, axis=2),
-            self._pair_bodies.take(near, axis=1),
-            axes.take(near, axis=2),
-            1.0 / np.maximum(length, radii),
-        )
+        length = np.sqrt(squares.take(near))
+        normal = apart.take(near, axis=1) / np.maximum(length, _TINY)
+        bodies = self._pair_bodies.take(near, axis=1)
+        distance = length - self._radii.take(near)
+        return distance, normal, p.take(near, axis=2), bodies
 
-    def _near_others(self, context: Context, X_WB: np.ndarray) -> "_Near":
-        """Returns the same for other shapes, as if they were flat."""
+    def _near_others(self, context: Context, X_WB: np.ndarray) -> tuple:
+        """Returns the same for other shapes, with points on the surfaces."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
         found = []
         for a, b, far in self._others:
@@ -168,19 +175,7 @@ class CollisionAvoidance:
                 found.append(row)
         columns = np.array(found).reshape(-1, 12).T
         p = columns[4:10].reshape(2, 3, -1).transpose(1, 0, 2)
-        bodies, flat = columns[10:].astype(int), np.zeros(p.shape)
-        return _Near(columns[0], columns[1:4], p, bodies, flat, flat[0, 0])
-
-
-class _Near(NamedTuple):
-    """Pairs of links near each other, k of them; see core.math.segments."""
-
-    distance: np.ndarray  # (k,) [m]
-    normal: np.ndarray  # (3, k) in W, from the second to the first
-    p: np.ndarray  # closest points (3, 2, k) [m] in W, on axes or surfaces
-    bodies: np.ndarray  # (2, k), their numbers
-    axes: np.ndarray  # (3, 2, k) in W
-    curvature: np.ndarray  # (k,) [1/m]
+        return columns[0], columns[1:4], p, columns[10:].astype(int)
 
 
 class _Shape:

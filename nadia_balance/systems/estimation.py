@@ -78,7 +78,11 @@ class Imu(LeafSystem):
     """
 
     def __init__(
-        self, robot: RobotModel, sensors: SensorParams, period: float, seed: int
+        self,
+        robot: RobotModel,
+        sensors: SensorParams,
+        period: float,
+        seed: int = 0,
     ):
         """Measures the `robot` every `period` [s].
 
@@ -139,7 +143,11 @@ class JointEncoders(LeafSystem):
     """
 
     def __init__(
-        self, robot: RobotModel, sensors: SensorParams, period: float, seed: int
+        self,
+        robot: RobotModel,
+        sensors: SensorParams,
+        period: float,
+        seed: int = 0,
     ):
         """Measures the `robot` every `period` [s]."""
         super().__init__()

@@ -7,8 +7,7 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback import icp_step_qp, momentum_qp
-from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
+from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math import lipm
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import check
@@ -37,7 +36,10 @@ class MomentumQp(LeafSystem):
     """
 
     def __init__(
-        self, params: MomentumQpParams, model: PointMassModel, period: float
+        self,
+        params: momentum_qp.MomentumQpParams,
+        model: PointMassModel,
+        period: float,
     ):
         super().__init__()
         check(params)
@@ -59,10 +61,10 @@ class MomentumQp(LeafSystem):
 
     def _calc_outcome(self, context, last) -> tuple:
         reference, limits = self._reference(context), self._limits.Eval(context)
-        icp, cop_r = self._icp(context), reference.cop
-        error, kappa_r = icp - reference.icp, reference.ecmp - cop_r
-        last_one = last["increments"]
-        found = self._qp.solve(icp, error, cop_r, kappa_r, last_one, limits[1])
+        error, cop_r = self._icp(context) - reference.icp, reference.cop
+        found = self._qp.solve(
+            error, cop_r, reference.ecmp - cop_r, last["increments"], limits[1]
+        )
         status = QpStatus(last["momentum_qp_status"]).after(found.result)
         return found.cop, found.ecmp, status, found.increments
 
@@ -86,7 +88,10 @@ class IcpStepController(LeafSystem):
     """
 
     def __init__(
-        self, params: IcpStepQpParams, model: PointMassModel, period: float
+        self,
+        params: icp_step_qp.IcpStepQpParams,
+        model: PointMassModel,
+        period: float,
     ):
         """Raises ValueError: a bad parameter, no room for uncrossed legs."""
         super().__init__()
@@ -159,7 +164,9 @@ class ComHeightController(LeafSystem):
         names = "com_state ecmp_command walking_state"
         self._com, self._ecmp, self._walking = ports.inputs(self, names)
         self._height = ports.declare_plan(
-            self, self._walking, lambda s: self._control.plan(s.schedule)
+            self,
+            self._walking,
+            lambda state: self._control.plan(state.schedule),
         )
         ports.declare_output(self, "momentum_rate", self._calc_rate)
 
@@ -176,4 +183,4 @@ class ComHeightController(LeafSystem):
             sole = state.schedule.feet[state.schedule.support_side].p_WF
             sink = self._control.sinking(place, icp, ecmp, z - float(sole[2]))
         az = self._control.acceleration(z, vz, *wanted, sink)
-        return momentum_qp.momentum_rate(place, ecmp, az, self._model)
+        return momentum_rate(place, ecmp, az, self._model)

@@ -75,4 +75,4 @@ def test_tells_no_more_than_its_range():
 
 def test_refuses_a_body_that_the_robot_lacks():
     with pytest.raises(ValueError, match="^imu_body = 'TAIL': must be a body"):
-        Imu(nadia(), SensorParams(imu_body="TAIL"), PERIOD, 0)
+        Imu(nadia(), SensorParams(imu_body="TAIL"), PERIOD)

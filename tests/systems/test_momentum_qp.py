@@ -37,7 +37,7 @@ def solved_by_hand(params=PARAMS, previous=(0.0, 0.0, 0.0, 0.0)):
     limits = momentum_qp.feedback_limits(polygon, yaw, params)
     error = INPUTS["icp"] - INPUTS["icp_reference"][:2]
     return momentum_qp.IcpFeedbackQp(params).solve(
-        INPUTS["icp"], error, COP_R, ECMP_R - COP_R, np.array(previous), limits
+        error, COP_R, ECMP_R - COP_R, np.array(previous), limits
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.math.polygon import halfspaces, project, shrink
+from nadia_balance.core.math.polygon import halfspaces, shrink
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
 
 
@@ -46,8 +46,9 @@ class MomentumQpParams:
 
     @property
     def effective_gain(self) -> float:
-        """Feedback gain of the ankles, as reduced by the weight on delta."""
-        share = self.error_weight / (self.error_weight + self.cop_weight)
+        """Feedback gain as reduced by the weights on delta and kappa [-]."""
+        effort = 1.0 / (1.0 / self.cop_weight + 1.0 / self.ecmp_weight)
+        share = self.error_weight / (self.error_weight + effort)
         return self.feedback_gain * share
 
 
@@ -101,11 +102,8 @@ class IcpFeedbackQp:
         min   |delta + kappa - K e|^2_Qe + |n . (delta + kappa)|^2_Qperp
               + |delta|^2_Rd + |kappa|^2_Rk + |delta + kappa - previous|^2_Rp
         s.t.  r_cop,r + delta in the support polygon,
-              |kappa_r + kappa| <= max_kappa along and across the foot,
-              kappa between 0 and K times the way of the ICP from the polygon.
+              |kappa_r + kappa| <= max_kappa along and across the foot.
 
-    Ours is the last row: a CoP at the edge returns an ICP that is inside, for
-    which the hips would only lay down the trunk.
     Erratum: as printed, the Q_perp term penalises the feedback along e.
     Erratum: the printed R_kappa term mixes the total kappa with increments;
     here R_kappa acts on the increment, and the limits on the total.
@@ -117,28 +115,23 @@ class IcpFeedbackQp:
 
     def solve(
         self,
-        icp: Array,
         error: Array,
         cop_r: Array,
         kappa_r: Array,
         previous: Array,
         limits: FeedbackLimits,
     ) -> IcpFeedback:
-        """Returns the feedback for the `icp` with the error icp - icp_r in W.
+        """Returns the feedback for the ICP error icp - icp_r, (2,) [m] in W.
 
-        Both are (2,) [m], as are `cop_r` and `kappa_r` = ecmp_r - cop_r, the
-        reference; `previous` (4,) [m] are the increments of the last tick,
-        used again, without `result.solved`, if the QP has no solution.
+        `cop_r` and `kappa_r` = ecmp_r - cop_r (2,) [m] are the reference,
+        `previous` (4,) [m] the increments of the last tick.  If the QP has no
+        solution, they are used again, and `result.solved` is False.
 
         Raises ValueError: an argument is not finite.
         """
         H, g = self._cost(error, previous)
         shift = limits.C @ np.concatenate((cop_r, kappa_r))
         lower, upper = limits.lower - shift, limits.upper - shift
-        beyond = limits.C[-2:, 2:] @ (icp - project(icp, limits.polygon))
-        hips = self._params.feedback_gain * beyond
-        ends = np.minimum(hips, 0.0), np.maximum(hips, 0.0)
-        lower[-2:], upper[-2:] = np.clip(ends, lower[-2:], upper[-2:])
         result = self._qp.solve(QpProblem(H, g, limits.C, lower, upper))
         x = result.x if result.solved else previous
         cop = cop_r + x[:2]

@@ -83,12 +83,15 @@ class SwingFoot:
     lead: float = 0.0
 
     def motion(
-        self, start: Array, state: WalkingState, edges: SwingEdges | None = None
+        self,
+        previous: Array,
+        state: WalkingState,
+        edges: SwingEdges | None = None,
     ) -> tuple[Array, Array]:
         """Returns the motion (3, 4) of the swing foot one `period` [s] later.
 
         Motions are rows p, v, a of [x, y, z, yaw] in W.  The second result is
-        the motion another `lead` [s] later.  `start` is the motion of the
+        the motion another `lead` [s] later.  `previous` is the motion of the
         last tick, `state` the walking state of this one.  Outside of a swing,
         the next swing foot is at rest.  A foot that cannot reach its foothold
         in time lands later; after the end of the swing's clock it sinks with
@@ -98,9 +101,9 @@ class SwingFoot:
         side = schedule.support_side.other
         if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
             return (at_rest(schedule.feet[side]),) * 2
-        end, horizon = self._course(start, state, edges)
+        end, horizon = self._course(previous, state, edges)
         now, ahead = self.period, self.period + self.lead
-        way = start, end, horizon
+        way = previous, end, horizon
         return quintic_at(*way, now), quintic_at(*way, ahead)
 
     def _course(
@@ -150,7 +153,8 @@ class SwingFoot:
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
         elif edges:
             end[:, Z] = _over_edges(start, end, landing, over, left, edges)
-        # Down a step, the clock may run out before the descent.
+        # Above a foothold down a step, the clock may run out before the
+        # descent.
         low = arrived and (edges is None or height < radius)
         if state.waiting and low and not braking:  # sink until contact
             left, slow = _SINKING, self.params.touchdown_velocity
@@ -315,7 +319,8 @@ def end_beyond(
     """Returns the end (3, n) of the quintic that passes `via` (n,) at `t`.
 
     Until `t` in (0, horizon) [s], this quintic is the minimum jerk motion from
-    `start` through via to `end`, both (3, n), whose fifth derivative jumps.
+    `start` through via to `end`, both (3, n), whose fifth derivative jumps at
+    `t`.
     """
     h = horizon - t
     kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])

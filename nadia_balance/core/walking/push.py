@@ -169,7 +169,10 @@ class Push:
 
 
 def random_pushes(
-    number: int, seed: int, largest: float, pause: tuple[float, float] = (1, 3)
+    number: int,
+    seed: int,
+    largest: float,
+    pause: tuple[float, float] = (1.0, 3.0),
 ) -> list[Push]:
     """Returns pushes in random directions after pauses of random length.
 

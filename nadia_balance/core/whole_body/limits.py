@@ -163,7 +163,11 @@ class WholeBodyLimits:
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
     def relaxed(
-        self, problem: QpProblem, first: int, terms: Terms, last: Array | None
+        self,
+        problem: QpProblem,
+        first: int,
+        terms: Terms,
+        last_torques: Array | None,
     ) -> Iterator[QpProblem]:
         """Yields the `problem` with ever weaker limits, its rows from `first`.
 
@@ -184,8 +188,8 @@ class WholeBodyLimits:
         A_soft[rows, n:] = np.eye(soft)
         g_soft = np.concatenate((g, np.zeros(soft)))
         yield (problem := QpProblem(H_soft, g_soft, A_soft, lower, upper))
-        for haste in _HASTE if last is not None else ():
-            torques = self.torque_bounds(terms.v[6:], last, haste)
+        for haste in _HASTE if last_torques is not None else ():
+            torques = self.torque_bounds(terms.v[6:], last_torques, haste)
             torques = torques - terms.forces[6:, -1]
             rows = slice(first, first + len(self._joints))
             lower[rows], upper[rows] = torques

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.math.segments import SegmentPairs
+from nadia_balance.core.math.arrays import SegmentPairs
 
 NUM_PAIRS = 200  # of each kind
 
@@ -76,7 +76,7 @@ def test_points_are_on_the_segments_and_the_nearest(kind):
     """Oracle: brute force, to 1e-9 m of some metres."""
     begin, way = KINDS[kind](np.random.default_rng(0))
     lengths = np.linalg.norm(way, axis=0)
-    p, _ = SegmentPairs(lengths).closest_points(begin, way)
+    p = SegmentPairs(lengths).closest_points(begin, way)
     share = ((p - begin) * way).sum(axis=0) / np.maximum(lengths, 1e-9) ** 2
     assert np.all((share >= -1e-12) & (share <= 1.0 + 1e-12))
     assert p == pytest.approx(begin + share * way, abs=1e-12)
