@@ -92,12 +92,12 @@ def test_looks_ahead_between_the_feet():
 )
 def test_the_trailing_foot_unloads_at_the_end_of_a_transfer(time, expected):
     """Oracle: linear from the weight to 50 N, in the last 0.2 s."""
-    bounds = command(
-        state(Phase.TRANSFER, time_in_phase=time),
-        unloading_fraction=0.2,
-        unloaded_force=50.0,
-    ).max_normal_forces
+    now = state(Phase.TRANSFER, time_in_phase=time)
+    options = {"unloading_fraction": 0.2, "unloaded_force": 50.0}
+    bounds = command(now, **options).max_normal_forces
     assert bounds == pytest.approx((math.inf, expected))
+    waits = command(replace(now, waiting=True), **options)
+    assert waits.max_normal_forces == (math.inf, math.inf)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +116,9 @@ def test_a_foot_that_has_landed_is_loaded_when_it_measures_a_force(
     )
     assert found.max_normal_forces == pytest.approx((expected, math.inf))
     assert found.sinking == (sinks, 0.0)
+    schedule = replace(landed.schedule, support_side=Side.RIGHT)
+    other = command(replace(landed, schedule=schedule), sinking_velocity=0.3)
+    assert other.sinking == (0.0, sinks)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +136,8 @@ def test_the_trailing_foot_of_a_long_step_may_roll(ahead, yaw, edge):
     now = replace(now, schedule=replace(now.schedule, feet=feet), steps_taken=1)
     assert command(now).edges == pytest.approx((0.0, edge))
     swings = replace(now, schedule=replace(now.schedule, phase=Phase.SWING))
-    for flat in swings, replace(now, steps_taken=0):
+    last = replace(now, schedule=replace(now.schedule, footsteps=()))
+    for flat in swings, last, replace(now, steps_taken=0):
         assert command(flat).edges == (0.0, 0.0)
 
 
