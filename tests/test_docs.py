@@ -127,6 +127,7 @@ def test_a_plant_of_ones_own_is_that_of_the_robot():
     for name in "contact_model", "discrete_contact_approximation":
         get = f"get_{name}"
         assert getattr(own, get)() == getattr(made, get)(), name
+    assert own.has_sampled_output_ports() == made.has_sampled_output_ports()
 
 
 def test_some_lines_more_are_uneven_ground():
