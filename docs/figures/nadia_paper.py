@@ -98,7 +98,7 @@ def draw_feedback() -> Figure:
         x=(-0.15, 0.17),
         y=(-0.08, 0.13),
     )
-    weights = 0.0, momentum_qp.MomentumQpParams().perpendicular_weight
+    weights = 0.0, 1e5  # the default is between the two
     none, dots = np.zeros(2), {"ls": "none", "mec": "white", "ms": 9}
     for ax, weight in zip(axes, weights, strict=True):
         params = momentum_qp.MomentumQpParams(

@@ -58,7 +58,9 @@ class MujocoPlant(framework.LeafSystem):
         super().__init__()
         try:  # here: it is optional, and slow to import
             from nadia_balance.engines.mujoco_model import MujocoModel
-        except ImportError:
+        except ModuleNotFoundError as error:
+            if error.name != "mujoco":
+                raise
             why = "must have its package: pip install mujoco"
             raise ValueError(f"engine = 'mujoco': {why}") from None
         self._model = MujocoModel(plant, scene_graph.model_inspector())

@@ -1,7 +1,5 @@
 """Terms of the equations of motion, computed by few Drake calls."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
@@ -136,17 +134,20 @@ def whole_body_model(
 
     Position limits are the tighter ones of `plant` and `params`.
 
-    Raises ValueError: a named joint does not exist.
+    Raises ValueError: a named joint does not exist, or has no room to move.
     """
     n = plant.num_velocities() - 6
 
-    def values(named: Mapping[str, float], others: float) -> np.ndarray:
+    def index(joint: str) -> int:
+        return plant.GetJointByName(joint).velocity_start() - 6
+
+    def values(of: object, field: str, others: float) -> np.ndarray:
         found = np.full(n, others)
-        for joint, value in named.items():
+        for joint, value in getattr(of, field).items():
             if not plant.HasJointNamed(joint):
-                why = "the robot has no such joint"
-                raise ValueError(f"joint = {joint!r}: {why}")
-            found[plant.GetJointByName(joint).velocity_start() - 6] = value
+                why = f"{field}.{joint} = {value}: the robot has no such joint"
+                raise ValueError(why)
+            found[index(joint)] = value
         return found
 
     is_leg_joint, ankles = np.zeros(n, dtype=bool), []
@@ -160,16 +161,22 @@ def whole_body_model(
         p_FootA = plant.CalcPointsPositions(*of)[:, 0]
         ankles.append(robot.X_FootSole[side].inverse() @ p_FootA)
 
-    lower = values(params.joint_lower_limits, -np.inf)
-    upper = values(params.joint_upper_limits, np.inf)
+    lower = values(params, "joint_lower_limits", -np.inf)
+    upper = values(params, "joint_upper_limits", np.inf)
+    lower = np.maximum(lower, plant.GetPositionLowerLimits()[7:])
+    upper = np.minimum(upper, plant.GetPositionUpperLimits()[7:])
+    for joint in params.joint_lower_limits | params.joint_upper_limits:
+        if not lower[i := index(joint)] < upper[i]:
+            why = f"must be below its upper limit, {upper[i]} rad"
+            raise ValueError(f"joint_lower_limits.{joint} = {lower[i]}: {why}")
     return command.WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
         sole_width=robot.sole_width,
         ankles=np.array(ankles),
-        posture=values(robot.posture, 0.0),
-        position_lower=np.maximum(lower, plant.GetPositionLowerLimits()[7:]),
-        position_upper=np.minimum(upper, plant.GetPositionUpperLimits()[7:]),
+        posture=values(robot, "posture", 0.0),
+        position_lower=lower,
+        position_upper=upper,
         max_torque=plants.effort_limits(plant)[6:],
         max_speed=robot.max_joint_speeds,
         is_leg_joint=is_leg_joint,

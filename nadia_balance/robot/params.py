@@ -104,12 +104,17 @@ def idealised(params: RobotParams) -> RobotParams:
 
 
 def overridden(params: T, own: T, usual: T) -> T:
-    """Returns the dataclass `params` with the values of `own` not `usual`."""
+    """Returns the dataclass `params` with the values of `own` not `usual`.
+
+    Of a mapping, those are all of its keys.
+    """
     values = {}
     for name in vars(params):
         parts = [getattr(each, name) for each in (params, own, usual)]
         if all(map(is_dataclass, parts)):
             values[name] = overridden(*parts)
+        elif isinstance(parts[0], dict):
+            values[name] = parts[0] | parts[1]
         elif parts[1] != parts[2]:
             values[name] = parts[1]
     return replace(params, **values)

@@ -89,10 +89,14 @@ def test_a_state_that_diverges_ends_the_run(nadia, tmp_path, monkeypatch):
 def test_says_what_to_install(nadia, monkeypatch):
     """Oracle: Python's way to say that a module is not there."""
     _, plant, scene_graph = nadia
+    ours = "nadia_balance.engines.mujoco_model"
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "nadia_balance.engines.mujoco_model")
+    monkeypatch.delitem(sys.modules, ours)
     message = "^engine = 'mujoco': must have its package: pip install mujoco$"
     with pytest.raises(ValueError, match=message):
+        MujocoPlant(plant, scene_graph)
+    monkeypatch.setitem(sys.modules, ours, None)
+    with pytest.raises(ModuleNotFoundError, match=ours):
         MujocoPlant(plant, scene_graph)
 
 

@@ -118,10 +118,14 @@ def test_constants_are_in_the_order_of_velocities():
     assert constants.mass == nadia().mass
 
 
-def test_refuses_a_limit_of_a_joint_that_does_not_exist():
-    """Oracle: the message names it."""
-    with pytest.raises(ValueError, match="TAIL.*the robot has no such joint"):
+def test_refuses_limits_that_no_joint_can_have():
+    """Oracle: the message names field, joint and value; the knee's 2.62 rad."""
+    must = r"joint_lower_limits.TAIL = 0.1: the robot has no such joint"
+    with pytest.raises(ValueError, match=must):
         examples.model(TAIL=0.1)
+    must = r"joint_lower_limits.LEFT_KNEE_Y = 3.0: must be below .*, 2.62 rad"
+    with pytest.raises(ValueError, match=must):
+        examples.model(LEFT_KNEE_Y=3.0)
 
 
 def test_an_ankle_is_found_above_a_foot_that_is_welded_on():

@@ -168,6 +168,7 @@ def test_a_robot_has_parameters_of_its_own(copy):
     own = "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}"
     change(copy / "robot.yaml", "whole_body:", own)
     scenario = WholeBodyQpParams(rolling_step=0.5, friction=0.4)
+    scenario.joint_lower_limits = {"LEFT_KNEE_Y": 0.2, "LEFT_HIP_X": -0.3}
     avoidance = of_qp.CollisionAvoidanceParams(clearance=0.01, rate=20.0)
     scenario.avoidance = avoidance
     found = load(copy).whole_body(scenario)
@@ -175,7 +176,11 @@ def test_a_robot_has_parameters_of_its_own(copy):
         scenario,
         rolling_step=0.3,
         avoidance=replace(avoidance, clearance=0.03),
-        joint_lower_limits={"LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1},
+        joint_lower_limits={
+            "LEFT_KNEE_Y": 0.1,
+            "LEFT_HIP_X": -0.3,
+            "RIGHT_KNEE_Y": 0.1,
+        },
     )
     ideal = load_robot("nadia", "ideal")
     assert ideal.whole_body(scenario).avoidance is None

@@ -21,7 +21,8 @@ class MomentumQpParams:
     # Erratum: the paper's k_p is the total gain, unstable below 1.
     feedback_gain: float = bounded(3.0, above=1.0)
     error_weight: float = bounded(1e3, above=0.0)  # Q_e
-    perpendicular_weight: float = bounded(1e5, least=0.0)  # Q_perp
+    # Q_perp.  With more, an axis at the sole's edge holds back the other one.
+    perpendicular_weight: float = bounded(1e3, least=0.0)
     cop_weight: float = bounded(3.0, above=0.0)  # R_delta
     # R_kappa, larger than R_delta: ankles are preferred to hips.
     ecmp_weight: float = bounded(90.0, above=0.0)
@@ -40,8 +41,9 @@ class MomentumQpParams:
         """Raises ValueError if the weights leave too little of the gain."""
         if not self.effective_gain > 1.0:
             raise ValueError(
-                f"error_weight = {self.error_weight}: must be larger, the "
-                f"regularisation leaves a gain of {self.effective_gain:.2f}"
+                f"error_weight = {self.error_weight}: must be larger beside "
+                f"cop_weight = {self.cop_weight} and a feedback_gain of "
+                f"{self.feedback_gain}: {self.effective_gain:.2f} are left"
             )
 
     @property

@@ -23,6 +23,9 @@ from tests.qp_examples import by_quadprog
 ZERO, NOTHING = np.zeros(2), np.zeros(4)
 PERIOD = 0.002
 DEFAULTS = MomentumQpParams()
+# Weights on the error alone; a sole that ends sideways only.
+FREE = MomentumQpParams(rate_weight=0.0, cop_weight=1e-3, ecmp_weight=1e-3)
+LONG = feedback_limits(SOLE * [9.0, 1.0], 0.0, FREE)
 
 
 def feedback(error, cop_r=ZERO, kappa_r=ZERO, previous=NOTHING, limits=None):
@@ -68,6 +71,13 @@ def test_agrees_with_quadprog(error, previous, cop_r, kappa_r):
     expected = by_quadprog(QpProblem(A.T @ A, -A.T @ b, limits.C, *bounds))
     assert found.result.solved
     assert found.increments == pytest.approx(expected, abs=1e-9)
+
+
+def test_an_axis_at_the_soles_edge_leaves_the_other_its_feedback():
+    """Oracle: the least of (u_x - k e)^2 + (u_x - u_y)^2 / 2, by hand."""
+    gain, y = 3.0, 0.06 - 0.005 + 0.05  # half a sole less its margin, kappa
+    u = IcpFeedbackQp(FREE).solve([0.04, 0.04], ZERO, ZERO, NOTHING, LONG)
+    assert u.ecmp == pytest.approx([(2 * gain * 0.04 + y) / 3, y], rel=1e-5)
 
 
 def test_a_tiny_error_does_not_make_the_feedback_jump():
@@ -119,9 +129,10 @@ def test_momentum_rate_moves_the_mass_as_the_pendulum():
 
 
 def test_refuses_weights_that_leave_a_gain_below_one():
-    """Oracle: K Q_e / (Q_e + effort) < 1."""
-    with pytest.raises(ValueError, match="error_weight = 0.1: must be larger"):
-        check(MomentumQpParams(error_weight=0.1))
+    """Oracle: K Q_e / (Q_e + effort) < 1; the largest of three is to blame."""
+    params = MomentumQpParams(cop_weight=9e4, ecmp_weight=9e4)
+    with pytest.raises(ValueError, match="1000.* beside cop_weight = 90000.*0"):
+        check(params)
 
 
 FOOT = FootPose([0.3, -0.2, 0.0], 0.7)
