@@ -171,16 +171,13 @@ def test_a_robot_has_parameters_of_its_own(copy):
     scenario.joint_lower_limits = {"LEFT_KNEE_Y": 0.2, "LEFT_HIP_X": -0.3}
     avoidance = of_qp.CollisionAvoidanceParams(clearance=0.01, rate=20.0)
     scenario.avoidance = avoidance
+    limits = {"LEFT_HIP_X": -0.3, "LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1}
     found = load(copy).whole_body(scenario)
     assert found == replace(
         scenario,
         rolling_step=0.3,
         avoidance=replace(avoidance, clearance=0.03),
-        joint_lower_limits={
-            "LEFT_KNEE_Y": 0.1,
-            "LEFT_HIP_X": -0.3,
-            "RIGHT_KNEE_Y": 0.1,
-        },
+        joint_lower_limits=limits,
     )
     ideal = load_robot("nadia", "ideal")
     assert ideal.whole_body(scenario).avoidance is None

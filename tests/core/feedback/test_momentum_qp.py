@@ -23,9 +23,6 @@ from tests.qp_examples import by_quadprog
 ZERO, NOTHING = np.zeros(2), np.zeros(4)
 PERIOD = 0.002
 DEFAULTS = MomentumQpParams()
-# Weights on the error alone; a sole that ends sideways only.
-FREE = MomentumQpParams(rate_weight=0.0, cop_weight=1e-3, ecmp_weight=1e-3)
-LONG = feedback_limits(SOLE * [9.0, 1.0], 0.0, FREE)
 
 
 def feedback(error, cop_r=ZERO, kappa_r=ZERO, previous=NOTHING, limits=None):
@@ -74,10 +71,12 @@ def test_agrees_with_quadprog(error, previous, cop_r, kappa_r):
 
 
 def test_an_axis_at_the_soles_edge_leaves_the_other_its_feedback():
-    """Oracle: the least of (u_x - k e)^2 + (u_x - u_y)^2 / 2, by hand."""
-    gain, y = 3.0, 0.06 - 0.005 + 0.05  # half a sole less its margin, kappa
-    u = IcpFeedbackQp(FREE).solve([0.04, 0.04], ZERO, ZERO, NOTHING, LONG)
-    assert u.ecmp == pytest.approx([(2 * gain * 0.04 + y) / 3, y], rel=1e-5)
+    """Oracle: least 10 (x - k e)^2 + 5 (x - y)^2 + x^2, without the effort."""
+    y = 0.06 - 0.005 + 0.05  # half a sole less its margin, kappa
+    long = feedback_limits(SOLE * [9.0, 1.0], 0.0, DEFAULTS)
+    x = (10.0 * 3.0 * 0.04 + 5.0 * y) / 16.0
+    found = feedback((0.04, 0.04), limits=long).ecmp
+    assert found == pytest.approx([x, y], rel=2e-3)
 
 
 def test_a_tiny_error_does_not_make_the_feedback_jump():
