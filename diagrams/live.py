@@ -27,7 +27,7 @@ PRINTS = 20  # footprints kept per foot
 
 
 def endless(scenario: Scenario) -> Scenario:
-    """Returns the scenario without its pushes, with MOST_STEPS steps."""
+    """Returns the scenario without pushes, its `num_steps` MOST_STEPS."""
     gait = scenario.gait
     steps = MOST_STEPS if gait.num_steps else 0
     return replace(scenario, pushes=[], gait=replace(gait, num_steps=steps))

@@ -243,7 +243,7 @@ class BalanceController(Diagram):
         added to those of the whole-body QP.  `blocks` replace these blocks
         and those of the CapturePointController by name; None leaves one out.
 
-        Raises ValueError: as CapturePointController.
+        Raises ValueError: as CapturePointController; `tasks` lack a QP.
         """
         super().__init__()
         check(params)

@@ -173,7 +173,7 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
     places = ", ".join((terrain.FLAT, *terrain.COURSES))
     add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
     add("--duration", type=finite, help="[s]")
-    add("--seed", type=int, help="shifts the start by <= 10 um")
+    add("--seed", type=int, help="of the noise, the biases, 10 um of the start")
     which = {"choices": ("humanoid", "lipm"), "default": "humanoid"}
     about = "the robot, or the point mass it stands for"
     add("--plant", **which, help=about)

@@ -109,9 +109,10 @@ def _parser() -> command_line.CommandLine:
     which = {"choices": FIDELITIES, "default": "realistic"}
     add("--fidelity", **which, help="of the walk")
     add("--no-walk", action="store_true", help="make the folder only")
-    group = parser.add_argument_group("names", "Default: they are found.")
+    add = parser.add_argument_group("names").add_argument
     for name in NAMES:
-        group.add_argument(f"--{name.replace('_', '-')}", metavar="LINK")
+        flag = f"--{name.replace('_', '-')}"
+        add(flag, metavar="LINK", help="default: it is found")
     return parser
 
 

@@ -52,7 +52,7 @@ SUMMARY = {
     "direction_deg": ("deg", "of its first push: 0 forward, 90 left"),
     "delta_v": ("m/s", "of its first push"),
     "commanded_steps": ("", "by the gait, without the one that closes it"),
-    "duration_s": ("s", "simulated time"),
+    "duration_s": ("s", "of the log: of a long run, its last chapter"),
     "pushes": ("", "each push as it came, see below"),
     "estimate": ("", "errors of the estimated state (docs/sensors.md)"),
     "body_sway_deg": (
@@ -66,7 +66,7 @@ SUMMARY = {
     "footstep_error_m": ("m", "largest distance of a landing from its goal"),
     "swing_durations_s": ("s", "of each completed swing"),
     "transfer_durations_s": ("s", "of each completed transfer"),
-    "steps_taken": ("", "landings in the whole run"),
+    "steps_taken": ("", "landings in the log"),
     "steps_after_push": ("", "landings since the last push began"),
     "calm_steps": ("", "whole steps at the end with an ICP error below 5 cm"),
     "stance_slip_m": ("m", "largest way of a stance foot over the ground"),

@@ -14,9 +14,9 @@ number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log
-of a point mass lacks joints, `state`, `foot_poses`, `trunk_tilt`, `weight` and
-`foot_wrenches`, that of a controller of the user's what it has no port for;
-readers of a log must handle this.
+of a point mass lacks joints, torques, `state`, `foot_poses`, `trunk_tilt`,
+`weight` and `foot_wrenches`, that of a controller of the user's what it has no
+port for; readers of a log must handle this.
 """
 
 import itertools
@@ -52,7 +52,7 @@ _VIEWS = {
 
 
 def signal(log: Log, name: str, rows: int | slice = slice(None)) -> Any:
-    """Returns the named view of a signal, at these rows of the log.
+    """Returns the view of a signal of _VIEWS, at these rows of the log.
 
     Its entries are arrays (n,), its parts (size, n): the ICP reference is
     `x, y = signal(log, "icp_reference").icp`.

@@ -31,7 +31,7 @@ from nadia_balance.robot.params import MODELS, RobotParams
 from nadia_balance.robot.urdf import add_urdf, naming
 from nadia_balance.typed_yaml import load_tree, load_typed
 
-# realistic: limits of a real robot.  ideal: any torque at any joint speed, any
+# realistic: limits of a real robot.  ideal: full torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.
 FIDELITIES = ("realistic", "ideal")
 

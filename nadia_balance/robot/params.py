@@ -60,7 +60,7 @@ class RobotParams:
     max_joint_speed: float = bounded(
         math.inf, above=0.0, finite=False, unit="rad/s"
     )
-    # Null: ideal drives, with any torque at any speed, without lag.
+    # Null: ideal drives, with full torque at any speed, without lag.
     drives: JointDriveParams | None = bounded(JointDriveParams)
     # False: the robot's links pass through each other, but for its legs.
     self_collisions: bool = True
