@@ -45,7 +45,7 @@ def main(argv: list[str] | None = None) -> int:
     add("--scenario_name", default="walk_in_place", help="(%(default)s)")
     add("--scenario_text", help="YAML that overrides single fields")
     add("--mechanisms", help=command_line.MECHANISMS)
-    add("--seconds", default=5.0, type=command_line.finite, help="(%(default)s)")
+    add("--seconds", default=5.0, type=command_line.finite, help="[s] (5)")
     add("--json", action="store_true", help="print JSON")
     where = {"nargs": "?", "const": Path("docs/results/speed.csv")}
     about = "add a row to this CSV, or to %(const)s"
