@@ -33,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = command_line.CommandLine(__file__, __doc__, codes)
     path, about = command_line.place, "npz or CSV, see docs/sensors.md"
     parser.add_argument("log", type=path, help=about)
-    parser.add_argument("--robot", default="nadia", help="nadia, or a robot.yaml")
+    parser.add_argument("--robot", default="nadia", help="nadia, or a YAML")
     pick = {"choices": SENSORS[1:], "default": "consumer"}
     parser.add_argument("--sensors", **pick, help="units (%(default)s)")
     parser.add_argument("--uneven", action="store_true", help="rough ground")
