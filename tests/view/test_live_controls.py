@@ -1,7 +1,7 @@
 """Clicks as a browser sends them, put into a real Meshcat."""
 
 from nadia_balance.core.walking.vocabulary import MECHANISMS
-from nadia_balance.view.live_controls import PUSH, LiveControls
+from nadia_balance.view.live_controls import PUSH, SLIDERS, LiveControls
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, running, tick
 from tests.clicks import click
@@ -10,14 +10,16 @@ PERIOD = 0.02
 
 
 def test_counts_the_clicks_on_push_at_the_next_poll():
-    """Oracle: the clicks."""
-    meshcat, counts = start_meshcat()[0], []
+    """Oracle: the clicks; the sliders' values, in the order of the port."""
+    meshcat, seen = start_meshcat()[0], []
     controls = LiveControls(meshcat, MECHANISMS["all_with_cross_over"], PERIOD)
+    for name, value in zip(SLIDERS, (0.75, 45.0, 0.2), strict=True):
+        meshcat.SetSliderValue(name, value)
     simulator, context = running(controls)
     simulator.AdvanceTo(0.5 * PERIOD)
     for clicks in (1, 0, 2, 0):
         for _ in range(clicks):
             click(meshcat, PUSH)
-        counts.append(answer(controls, context, "live_push")[0])
+        seen.append(answer(controls, context, "live_push").tolist())
         tick(simulator, PERIOD)
-    assert counts == [0.0, 1.0, 1.0, 3.0]
+    assert seen == [[clicks, 0.75, 45.0, 0.2] for clicks in (0, 1, 1, 3)]

@@ -31,7 +31,7 @@ def test_without_flags_it_is_the_papers_figure():
     assert sweep.mechanisms == tuple(MECHANISMS)
     assert sweep.directions == tuple(30.0 * i for i in range(12))
     assert sweep.at == ("right swing 25 %",)
-    assert sweep.search == SearchParams()
+    assert sweep.search == SearchParams(resolution=0.02, stride=8, replicas=5)
     assert (sweep.plant, list(sweep.scenarios)) == ("humanoid", ["push"])
 
 
