@@ -108,8 +108,7 @@ def simulate(
     `changes` of its first push (see set_push) and of its fields:
     `simulate("push", direction="inward", robot="g1").summary`.
 
-    Raises ValueError: the scenario is unknown, or a change is invalid or of a
-    diagram.
+    Raises ValueError: an unknown scenario, or a change invalid or of a diagram.
     """
     name = ""
     if isinstance(diagram, str):

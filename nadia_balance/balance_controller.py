@@ -1,7 +1,6 @@
 """The controllers: from a robot's state to its joint torques.
 
-Within the balance controller, the capture-point controller is for any robot, or
-a point mass.
+In it, the capture-point controller is for any robot, or a point mass.
 """
 
 from collections.abc import Iterable

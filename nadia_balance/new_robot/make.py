@@ -65,12 +65,12 @@ def make_robot(
     fields = measure.measure(robot, anatomy, notes)
     _doubt(robot, anatomy, notes)
     if armature:
-        theirs = _read(armature, [], Notes()).joints
-        known = robot.joints.keys() & theirs.keys()
-        if not known:
-            raise ValueError(f"armature = {armature}: must have its joints")
+        joints = _read(armature, [], Notes()).joints.values()
+        theirs = {j.name: j.rotor_inertia for j in joints if j.rotor_inertia}
+        if not (known := robot.joints.keys() & theirs.keys()):
+            raise ValueError(f"armature = {armature}: must have its rotors")
         for name in known:
-            robot.joints[name].rotor_inertia = theirs[name].rotor_inertia
+            robot.joints[name].rotor_inertia = theirs[name]
     _guess_drives(robot, measure.size_of(fields).leg, notes)
     if not all(joint.speed for joint in robot.joints.values()):
         fields["max_joint_speed"] = _SPEED
@@ -121,7 +121,7 @@ def _clean(robot: robots.Description, fix, named, notes: Notes) -> list[Leg]:
         if joint.type not in ("revolute", "continuous", "prismatic"):
             why, unlike = joint.type, "must be revolute or prismatic"
         elif name in of_legs and (why or joint.type == "continuous"):
-            unlike = "must be a driven hinge with limits, in a leg"
+            unlike = "must be a hinge with range and effort (MJCF: forcerange)"
         elif name in of_legs and max(-joint.lower, joint.upper) > _TURN:
             why = f"range of {joint.lower:.4g} to {joint.upper:.4g}"
             unlike = "must be within +-2 pi; units are rad"
@@ -201,7 +201,7 @@ def _guess_drives(robot: robots.Description, leg: float, notes: Notes) -> None:
         if not joint.speed or joint.speed > _PLAUSIBLE:
             known = f"> {_PLAUSIBLE:g}" if joint.speed else f"now {_SPEED:g}"
             notes.add("unknown", f"speed limits, {known} rad/s", joint.name)
-    line = "bandwidth and corner speed of drives, the defaults; dry friction, 0"
+    line = "drives' bandwidth, corner speed: defaults; dry friction, springs: 0"
     notes.add("unknown", line)
 
 
@@ -212,7 +212,7 @@ def write_urdf(robot: robots.Description, ignored: Pairs, folder: Path) -> None:
         top.extend(_joint(joint) for joint in robot.chain(name)[-1:])
         link = robot.links[name]
         shapes = [
-            _shape(shape, folder, re.sub(r"\W", "_", f"{name}_{i}"))
+            _shape(shape, folder, re.sub(r"\W", "_", f"{name}_{len(top)}_{i}"))
             for role in (robots.VISUAL, robots.COLLIDING)
             for i, shape in enumerate(link.of(role))
         ]
@@ -259,8 +259,9 @@ def _shape(shape: robots.Shape, folder: Path, name: str) -> Element:
         file = folder / "meshes" / f"{name}.obj"
         file.parent.mkdir(exist_ok=True)
         mesh = shape.mesh.copy()
-        if len(mesh.faces) > _FACES:  # vertices within 1 cm are merged
-            mesh.merge_vertices(digits_vertex=2)
+        if len(mesh.faces) > _FACES:  # vertices within 1 cm, or less, merge
+            digits = int(np.ceil(1.0 - np.log10(mesh.extents.max())))
+            mesh.merge_vertices(digits_vertex=max(digits, 2))
             mesh.update_faces(mesh.unique_faces() & mesh.nondegenerate_faces())
         mesh.export(file, include_normals=False, include_texture=False)
         size = {"filename": f"meshes/{file.name}"}

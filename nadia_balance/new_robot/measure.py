@@ -27,6 +27,8 @@ _BENDS = np.arange(0.6, 0.2, -0.05)
 # from their limits [rad].
 _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
 _LEVEL = 0.01  # tolerance of level soles under the CoM [m], [rad]
+# Nearer to the joint before it than this share of a bone, it is a toe's.
+_TOE, _LONGEST_SOLE = 0.6, 1.0  # [-], [m]
 # Smallest gap between the standing soles [leg length].
 _GAP = 0.05
 _SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
@@ -62,7 +64,8 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
         if (
             len(one) == len(other)
             and len(one) in (6, 7)
-            and set(feet) <= set(pair)
+            and {*feet} <= {*pair}
+            and len({*feet}) == len(feet)
             and not (named.get("pelvis") and shared)
             and all(len(robot.children(link)) == 1 for link in inner)
         ):
@@ -157,7 +160,11 @@ def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
     hip, *inner, ankle = pitches
     ends = [at[hip], at[ankle]]
     far = {n: np.linalg.norm(ends - at[n], axis=1).min() for n in inner}
-    return [hip, max(inner, key=far.__getitem__), ankle]
+    knee = max(inner, key=far.__getitem__)
+    if inner[-1] != knee and far[inner[-1]] < _TOE * far[knee]:
+        why = f"must be welded, --fix {ankle}: it looks like a toe's"
+        raise ValueError(f"joint {ankle}: {why}")
+    return [hip, knee, ankle]
 
 
 def _back(robot: Description, leg: Leg, forward: Array) -> float:
@@ -173,8 +180,7 @@ def _back(robot: Description, leg: Leg, forward: Array) -> float:
 def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     """Returns the fields of robot.yaml; sets the frames of `robot`.
 
-    Raises ValueError: a foot has no sole, or it cannot stand on level ones with
-    bent knees.
+    Raises ValueError: a foot has no sole, or it cannot stand with bent knees.
     """
     legs, feet = list(anatomy.legs.values()), list(anatomy.feet.values())
     forward, _, up = anatomy.axes.T
@@ -196,6 +202,8 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     flat = [(R_RL[foot] @ sole.points.T)[:2].T for foot, sole in of_feet]
     extents = [np.ptp(points, axis=0) for points in flat]
     for foot, (x, y) in zip(feet, extents, strict=True):
+        if x > _LONGEST_SOLE:
+            raise ValueError(f"sole of {foot}: {x:.3g} m long: mesh in mm?")
         if y > x:
             line = f"is wider than long, {y:.3f} and {x:.3f} m: is it turned?"
             notes.add("warning", f"the sole of {foot} {line}")

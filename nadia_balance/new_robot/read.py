@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 import trimesh
-from mujoco import mjtEq, mjtGeom, mjtJoint
+from mujoco import mjtEq, mjtGeom, mjtJoint, mjtTrn
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
@@ -52,7 +52,7 @@ class _Part:
             values = np.array([])
         count = len(default.split())
         if len(values) != count or not np.isfinite(values).all():
-            raise ValueError(f"{where} {count} number(s)")
+            raise ValueError(f"{where} {count} finite number(s)")
         if key in _POSITIVE and min(values) <= 0.0:
             raise ValueError(f"{where} > 0")
         if key in _NOT_NEGATIVE and min(values) < 0.0:
@@ -254,7 +254,7 @@ def _inertia(part: _Part, link: robots.Link, notes) -> SpatialInertia:
         sides = np.ptp(link.corners(), axis=0)
         return SpatialInertia.SolidBoxWithMass(mass, *sides).Shift(-com)
     possible = _possible(given, mass)
-    if given.any() and not np.allclose(given, possible, rtol=1e-3, atol=0.0):
+    if not np.allclose(given, possible, rtol=1e-3, atol=0.0):
         what += " that no body has, made possible"
         notes.add("changed", what, link.name)
     return robots.spatial_inertia(mass, com, R @ possible @ R.T)
@@ -301,9 +301,11 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
         R, mass = X.rotation().matrix(), model.body_mass[body]
         central = R @ np.diag(model.body_inertia[body]) @ R.T
         link.M = robots.spatial_inertia(mass, X.translation(), central)
-    for i, kind in enumerate(map(mjtEq, model.eq_type)):
+    for i in np.flatnonzero(model.eq_active0):
+        kind = mjtEq(model.eq_type[i])
         if kind == mjtEq.mjEQ_JOINT:
-            joints[model.joint(model.eq_obj1id[i]).name].mimics = True
+            joint = model.eq_obj1id[i]
+            joints[model.joint(joint).name or f"joint_{joint}"].mimics = True
         elif kind in (mjtEq.mjEQ_CONNECT, mjtEq.mjEQ_WELD):
             why = "must not be there, a closed loop"
             raise ValueError(f"equality {model.eq(i).name}: {why}")
@@ -340,7 +342,7 @@ def _chain(model: mujoco.MjModel, names, origins: Array, body: int) -> Iterator:
     joints = np.flatnonzero(model.jnt_bodyid == body)
     before = np.zeros(3)  # the joint before, in the body
     for i in joints[model.jnt_type[joints] != mjtJoint.mjJNT_FREE]:
-        name, at = model.joint(i).name, model.jnt_pos[i]
+        name, at = model.joint(i).name or f"joint_{i}", model.jnt_pos[i]
         child = link if i == joints[-1] else f"{link}_{name}"
         X = X @ RigidTransform(at - before)
         dof = model.jnt_dofadr[i]
@@ -363,7 +365,8 @@ def _effort(model: mujoco.MjModel, joint: int) -> float:
     efforts = []
     if model.jnt_actfrclimited[joint]:
         efforts.append(np.abs(model.jnt_actfrcrange[joint]).max())
-    for i in np.flatnonzero(model.actuator_trnid[:, 0] == joint):
+    of_joint = model.actuator_trntype <= int(mjtTrn.mjTRN_JOINTINPARENT)
+    for i in np.flatnonzero(of_joint & (model.actuator_trnid[:, 0] == joint)):
         gear = abs(model.actuator_gear[i, 0])
         if model.actuator_forcelimited[i]:
             efforts.append(gear * np.abs(model.actuator_forcerange[i]).max())

@@ -96,8 +96,7 @@ def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, Any]:
 def body_sway(log: Log) -> Array:
     """Tilt (n,) [deg] of the line from the midpoint of the soles to the CoM.
 
-    A foot in the air has its last pose on the ground; the height is
-    `com_height`.
+    A foot in the air has its last pose on the ground; the height: `com_height`.
     """
     feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
     middle = 0.5 * (feet.left[:2] + feet.right[:2])

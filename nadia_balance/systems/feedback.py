@@ -25,8 +25,7 @@ class MomentumQp(LeafSystem):
 
     delta, of the CoP, and kappa, of the angular momentum, minimise the error of
     k_p (icp - icp_r) = delta + kappa with the CoP in the soles (Nadia paper,
-    Eqs. 6-8).  The discrete state holds the outputs of the last tick, and its
-    [delta, kappa].
+    Eqs. 6-8).  The discrete state holds the last outputs and [delta, kappa].
 
     .. pydrake_system::
 

@@ -2,8 +2,7 @@
 
 SIGNALS has types and units of all ports.  A port that is not finite, or of
 another type, raises an error as soon as the block reads it; a block whose
-parameters are out of range is not made (ValueError).  The `period` of a block
-is in [s].
+parameters are out of range is not made (ValueError).  A `period` is in [s].
 
 Controller blocks update their state in periodic unrestricted events.  Drake
 computes all events that are due from the state and the inputs before any of

@@ -24,8 +24,7 @@ class StatePredictor(LeafSystem):
     Over the `delay` of the measurement (a Smith predictor), in steps of the
     period h: q += h (v + h a / 2), v += h a, with the accelerations a that were
     commanded since.  Over the `lead` until the torques act: q += lead v.  There
-    the velocity is kept: with the accelerations of the last tick the loop is
-    unstable.
+    the velocity is kept: the last tick's accelerations make the loop unstable.
 
     `estimated_state` is [q, v] of the robot's `control_plant` a `delay` ago,
     `predicted_state` the same a `lead` from now.  `generalized_acceleration`

@@ -133,6 +133,7 @@ MJCF = f"""
 </body>
 </worldbody>
 <contact><pair geom1="floor" geom2="floor"/></contact>
+<equality><weld body1="l_tilt" body2="chest" active="false"/></equality>
 <actuator>{MOTORS}</actuator>
 </mujoco>"""
 # Two joints of one body, with anchors of their own.
@@ -140,7 +141,8 @@ BOW = '<joint name="bow" axis="0 1 0" pos="0 0 -0.03" range="-1 1"/>'
 WITH_BOW = MJCF.replace('<joint name="waist"', BOW + '<joint name="waist"')
 WITH_BOW = WITH_BOW.replace(
     "<actuator>",
-    '<actuator><motor joint="bow" ctrllimited="true" ctrlrange="-9 9"/>',
+    '<actuator><adhesion body="pelvis" ctrlrange="0 1" forcerange="0 3"/>'
+    '<motor joint="bow" ctrllimited="true" ctrlrange="-9 9"/>',
 )
 
 
@@ -188,6 +190,7 @@ def test_heavy_arms_are_not_taken_for_legs(tmp_path):
     chest = '<geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>'
     assert chest in MJCF
     arms = (leg("a", 0.3) + leg("b", -0.3)).replace('mass="5"', 'mass="8"')
+    arms = re.sub('<joint name="[^"]*"', "<joint", arms)
     guessed = made(MJCF.replace(chest, chest + arms), tmp_path).of("guessed")
     assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
 

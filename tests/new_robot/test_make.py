@@ -125,6 +125,8 @@ BACKWARD = '"0.0" upper="2.3"', '"-2.3" upper="0.0"'
 NO_EFFORT = r' effort="250"', ""
 RIGHT_FOOT = r'<geometry>(\s*<mesh filename="[^"]*/r_foot)'
 HIGHER = RIGHT_FOOT, r'<origin xyz="0 0 0.02"/><geometry>\1'
+PITCH = '<axis xyz="0 1 0"/><limit effort="9" lower="-1" upper="1"/>'
+TOES = r'(_sole_frame" type=")fixed">', rf'\1revolute">{PITCH}'
 BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
 
 
@@ -142,6 +144,8 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("l_shin", 'value="4', 'value="-4', "link l_shin: mass: value = '-4"),
         ("", *HIGHER, "soles of l_foot and r_foot: must"),
         ("", *BALLS, "foot l_foot: must have a shape with"),
+        ("", "foot.stl", 'foot.stl" scale="9 9 9', "sole of l_foot: 2.16 m l"),
+        ("", *TOES, "_sole_frame: must be welded, --fix "),
         ("", *times("xyz", 1000), "with legs of 780 m: must be in (9.49e"),
         ("l_knee", 'upper="2.3"', 'upper="132"', "joint l_knee: range of 0 to"),
         ("chest", '0 0.250*"', '0 25.0"', "link chest: centre of mass: must"),
@@ -163,22 +167,17 @@ def test_a_faulty_biped_is_refused_in_a_line(tmp_path, name, old, new, message):
 
 ASIDE = RIGHT_FOOT, r'<origin xyz="0 0 0" rpy="0 0 1.5708"/><geometry>\1'
 SHIN = 'name="l_shin">.*?'
+SWAP = [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')]
 
 
 @pytest.mark.parametrize(
     "faults, message",
     [
-        (
-            [times("value", 10, SHIN)],
-            "left and right differ: link masses at l_k",
-        ),
+        ([times("value", 10, SHIN)], "left and right differ: link masses at"),
         ([times("ixx|iyy|izz", 100)], "moments of inertia too large "),
         ([times("effort", 10)], "effort limits > 548 N m, weight times leg: "),
         ([ASIDE], "the sole of r_foot is wider than long, 0.240 and 0.120 m"),
-        (
-            [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')],
-            "left and right swapped? On the other side, seen forward: ",
-        ),
+        (SWAP, "left and right swapped? On the other side, seen forward: "),
     ],
 )
 def test_doubts_on_one_line_what_is_hardly_meant(tmp_path, faults, message):
@@ -192,17 +191,19 @@ def test_rotor_inertias_may_be_of_another_file(tmp_path):
     other = tmp_path / "other"
     other.mkdir()
     file, beside = Biped().write(tmp_path), Biped().write(other)
-    drive = (
-        '<transmission name="d"><type>transmission_interface/'
-        'SimpleTransmission</type><joint name="l_knee"/>'
-        '<actuator name="l_knee"><d:rotor_inertia value="0.03" '
-        'xmlns:d="http://drake.mit.edu"/></actuator></transmission></robot>'
-    )
-    beside.write_text(beside.read_text().replace("</robot>", drive))
+    for path, joint, value in (beside, "l_knee", 0.03), (file, "waist", 0.2):
+        drive = (
+            '<transmission name="d"><type>transmission_interface/'
+            f'SimpleTransmission</type><joint name="{joint}"/>'
+            f'<actuator name="m"><d:rotor_inertia value="{value}" '
+            'xmlns:d="http://drake.mit.edu"/></actuator></transmission></robot>'
+        )
+        path.write_text(path.read_text().replace("</robot>", drive))
     made = make_once(file, tmp_path / "made", armature=beside)
-    assert "rotor inertia of 15 joints" in made.of("unknown")[0]
+    assert "rotor inertia of 14 joints" in made.of("unknown")[0]
     text = (tmp_path / "made" / "robot.urdf").read_text()
-    assert text.count('rotor_inertia value="0.03"') == 1
+    for value in 0.03, 0.2:
+        assert text.count(f'rotor_inertia value="{value}"') == 1
 
 
 def test_says_what_it_mends(tmp_path):

@@ -144,8 +144,7 @@ def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
     """Returns the region (n, 2) [m] of uncrossed footholds in the sole frame.
 
     It is the part of the base region, y toward the swing side, in which
-    parallel soles are their clearance apart: the Atlas paper has no crossed
-    legs.
+    parallel soles are their clearance apart: the Atlas paper crosses no legs.
 
     Raises ValueError: the region is empty.
     """

@@ -193,8 +193,7 @@ def _rows(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array, Array]:
 def _size(H: Array, g: Array) -> float:
     """Returns the Frobenius norm of H; if it is 0, that of g; if both, 1.
 
-    Raises ValueError if H or g is not finite: DAQP would return NaN and report
-    a solution.
+    Raises ValueError if H or g is not finite: DAQP would call NaN a solution.
     """
     # A sum of squares is finite only if all are; H.T is contiguous.
     square, more = np.vdot(H.T, H.T), g @ g

@@ -1,7 +1,6 @@
 """Timing adaptation: the walking clock advances until the plan meets the ICP.
 
-Nadia paper, Sec. VI: Eq. 15 in swing and in transfer, solved on the planned
-ICP trajectory.
+Nadia paper, Sec. VI: Eq. 15 in swing and transfer, along the ICP plan.
 """
 
 import math

@@ -132,8 +132,7 @@ def later_steps(
     first: D = {0} at the last foothold, then D <- conv({0} u E_k (R_k + D)),
     with Minkowski sums, as the robot may stop after any step, but cannot skip
     one.  `reaches` are R_2, ..., R_N [m], each about its own stance foot, so on
-    alternating sides; `contractions` are E_k = e^-wT for the time T between
-    touchdowns.
+    alternating sides; `contractions` are E_k = e^-wT, T between touchdowns.
 
     The hull is exact for convex R_k, as a step may last longer than planned:
     it is the union of E (R + D) for 0 <= E <= E_k, and E = 0 means stopping.

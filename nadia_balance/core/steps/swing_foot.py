@@ -153,8 +153,7 @@ class SwingFoot:
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
         elif edges:
             end[:, Z] = _over_edges(start, end, landing, over, left, edges)
-        # Above a foothold down a step, the clock may run out before the
-        # descent.
+        # The clock may run out before the descent to a foothold down a step.
         low = arrived and (edges is None or height < radius)
         if state.waiting and low and not braking:  # sink until contact
             left, slow = _SINKING, self.params.touchdown_velocity

@@ -218,8 +218,7 @@ def flatness(state: WalkingState, params: Params) -> float:
 
     It rises by a cubic from `swing_early_share` to 1 in the last
     `swing_flat_time` of the swing: only a landing sole has to be flat.  Before,
-    the ankle of a trailing leg is at its limit, and a flat sole would cost
-    momentum.
+    the ankle of a trailing leg is at its limit, and a flat sole costs momentum.
     """
     s = 1.0 - state.remaining_time / params.swing_flat_time
     s, early = min(max(s, 0.0), 1.0), params.swing_early_share

@@ -190,8 +190,7 @@ def random_re_plans(seed):
     """(schedule, plan, t, icp, schedule then, t then) of a random walk.
 
     Steps within reach, footholds that move by up to 0.3 m in each direction
-    whatever the measured `icp` is, feet that land up to 0.25 s early and 3 cm
-    aside.
+    whatever the measured `icp` is, feet land up to 0.25 s early, 3 cm aside.
     """
     random = np.random.default_rng(seed)
     length, aside, turn = random.uniform(-1, 1, 3) * [0.35, 0.1, 0.3]

@@ -246,8 +246,7 @@ def test_turns_the_short_way_round():
 def test_a_foot_that_is_sent_away_too_late_comes_later():
     """Oracle: the time that full thrust takes; the last centimetre is slow.
 
-    Half a metre with 0.1 s left: it does not land on the way, and the clock
-    does not hurry it.
+    Half a metre with 0.1 s left: it does not land on the way, nor is hurried.
     """
     goal, clock = (-0.1, -0.4), np.minimum(np.arange(0.0, 1.0, PERIOD), 0.7)
     path = follow([swing_state(t, goal if t >= 0.6 else GOAL) for t in clock])

@@ -192,8 +192,7 @@ class Turn:
 def leaning(body, yaw, tilt, rate):
     """[q, v] of Nadia on level soles; `body` leans, the others hardly do.
 
-    `tilt` [rad] and `rate` [rad/s] are about x and y of the robot, which is
-    turned by `yaw`.
+    `tilt` [rad] and `rate` [rad/s] are about x and y of the robot, at `yaw`.
     """
     plant, nq = kinematics().plant, kinematics().plant.num_positions()
     context = context_at(standing_state())

@@ -45,8 +45,7 @@ def swinging(terms, slope):
 def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     """Oracle: PD laws written out, with Drake's angle and axis.
 
-    The swing sole is to be tilted forward by `slope` [rad], on which it is
-    turned.
+    The swing sole is to be tilted forward, and turned, by `slope` [rad].
     """
     terms, params = terms_at(random_state(0, 2.0)), WholeBodyQpParams()
     wish, swing = swinging(terms, slope)
@@ -221,8 +220,7 @@ def test_weights_are_those_of_the_squares(name, rows):
     """Oracle: twice the weight adds weight J'J to H, J the rows of the terms.
 
     That of the angular momentum is about the CoM, those of the ankle are
-    Drake's; the flatness is a share of the weight of the swing sole's
-    orientation only.
+    Drake's; flatness: a share of the swing sole's orientation weight.
     """
     state = random_state(0)
     terms = terms_at(state)
