@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -166,7 +167,7 @@ def test_a_joint_s_speed_comes_before_its_position(speed):
     speed; a knee that is too fast to return has to slow down first.
     """
     knee, terms = knee_at(speed)
-    beyond = model(LEFT_KNEE_Y=standing_state()[knee + 1] + 4.0)
+    beyond = replace(model(), position_lower=standing_state()[7:30] + 4.0)
     limits = WholeBodyLimits(WholeBodyQpParams(), beyond, PERIOD)
     bounds = np.zeros((2, 400))
     limits.fill(np.zeros((400, 41)), bounds, terms, command(terms))
