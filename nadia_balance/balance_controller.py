@@ -242,7 +242,7 @@ class BalanceController(Diagram):
         added to those of the whole-body QP.  `blocks` replace these blocks
         and those of the CapturePointController by name; None leaves one out.
 
-        Raises ValueError: as CapturePointController; `tasks` lack a QP.
+        Raises ValueError: as CapturePointController; `tasks` for a QP not ours.
         """
         super().__init__()
         check(params)

@@ -42,13 +42,13 @@ def main(argv: list[str] | None = None) -> int:
     codes = "0 done, 2 bad input, 4 the record cannot be written, 130 Ctrl-C."
     parser = command_line.CommandLine(__file__, __doc__, codes)
     add = parser.add_argument
-    add("--scenario_name", default="walk_in_place", help="(%(default)s)")
+    add("--scenario_name", default="walk_in_place", help="default: %(default)s")
     add("--scenario_text", help="YAML that overrides single fields")
     add("--mechanisms", help=command_line.MECHANISMS)
     add("--seconds", default=5.0, type=command_line.finite, help="[s] (5)")
     add("--json", action="store_true", help="print JSON")
     where = {"nargs": "?", "const": Path("docs/results/speed.csv")}
-    about = "add a row to this CSV, or to %(const)s"
+    about = "add a row to a CSV (without a path: %(const)s)"
     add("--record", **where, type=command_line.place, help=about)
     args = parser.parse_args(argv)
     with parser.refusing():

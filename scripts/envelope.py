@@ -67,7 +67,7 @@ def parser_of() -> command_line.CommandLine:
     codes += "runs), 4 cannot write, 130 Ctrl-C."
     whole = {"formatter_class": argparse.RawDescriptionHelpFormatter}
     parser = command_line.CommandLine(__file__, __doc__, codes, **whole)
-    about = "By default, the protocol's.  With commas: several (not numbers)."
+    about = "By default, the protocol's; directions and moments: with commas."
     finite, place = command_line.finite, command_line.place
     add = parser.add_argument_group("sweep", about).add_argument
     which = {"choices": limits.PROTOCOLS, "default": "nadia_fig10"}

@@ -31,13 +31,13 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
     codes = "0 estimated, 1 lost, 2 bad input, 4 cannot write, 130 Ctrl-C."
     parser = command_line.CommandLine(__file__, __doc__, codes)
-    path, about = command_line.place, "npz or CSV, see docs/sensors.md"
-    parser.add_argument("log", type=path, help=about)
-    parser.add_argument("--robot", default="nadia", help="nadia, or a YAML")
+    path, add = command_line.place, parser.add_argument
+    add("log", type=path, help="npz or CSV, see docs/sensors.md")
+    add("--robot", default="nadia", help="(%(default)s) or a robot.yaml")
     pick = {"choices": SENSORS[1:], "default": "consumer"}
-    parser.add_argument("--sensors", **pick, help="units (%(default)s)")
-    parser.add_argument("--uneven", action="store_true", help="rough ground")
-    parser.add_argument("--out", type=path, help="folder for the results")
+    add("--sensors", **pick, help="how wrong they are (%(default)s)")
+    add("--uneven", action="store_true", help="rough ground")
+    add("--out", type=path, help="folder for the results")
     args = parser.parse_args(argv)
     with contextlib.ExitStack() as held:
         with parser.refusing():

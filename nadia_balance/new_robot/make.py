@@ -68,7 +68,7 @@ def make_robot(
         joints = _read(armature, [], Notes()).joints.values()
         theirs = {j.name: j.rotor_inertia for j in joints if j.rotor_inertia}
         if not (known := robot.joints.keys() & theirs.keys()):
-            raise ValueError(f"armature = {armature}: must have its rotors")
+            raise ValueError(f"armature = {armature}: must have rotor inertias")
         for name in known:
             robot.joints[name].rotor_inertia = theirs[name]
     _guess_drives(robot, measure.size_of(fields).leg, notes)

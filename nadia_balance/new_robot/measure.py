@@ -27,7 +27,7 @@ _BENDS = np.arange(0.6, 0.2, -0.05)
 # from their limits [rad].
 _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
 _LEVEL = 0.01  # tolerance of level soles under the CoM [m], [rad]
-# Nearer to the joint before it than this share of a bone, it is a toe's.
+# A last pitch joint this near to one that is no knee, in bones, is a toe's.
 _TOE, _LONGEST_SOLE = 0.6, 1.0  # [-], [m]
 # Smallest gap between the standing soles [leg length].
 _GAP = 0.05
@@ -64,8 +64,8 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
         if (
             len(one) == len(other)
             and len(one) in (6, 7)
-            and {*feet} <= {*pair}
-            and len({*feet}) == len(feet)
+            and set(feet) <= set(pair)
+            and len(set(feet)) == len(feet)
             and not (named.get("pelvis") and shared)
             and all(len(robot.children(link)) == 1 for link in inner)
         ):
