@@ -57,12 +57,13 @@ def _walked_by(
     Pushes in a phase of its gait are after SETTLED steps.
     """
     params, gait = PolicyParams(), scenario.gait
-    step, time = gait.step, gait.swing_duration + gait.transfer_duration
+    walks, step = gait.num_steps > 0, gait.step
+    time = gait.swing_duration + gait.transfer_duration
     if gait.steps or gait.footholds:
         raise ValueError("gait: must have num_steps with a policy")
     way = step.length, step.sideways, math.radians(step.yaw_deg)
-    if not gait.num_steps or any(way):
-        params.command = tuple(part / time for part in way)
+    if any(way) or not walks:
+        params.command = tuple(walks * part / time for part in way)
     robot = load_robot(scenario.robot, scenario.fidelity)
     pushes = [
         replace(push, after_steps=max(push.after_steps, SETTLED))

@@ -13,9 +13,9 @@ from nadia_balance.core.math.lipm import GRAVITY
 
 # Standard deviations of what the sensors do not tell.
 # A standing sole creeps and sinks [m/sqrt(s)], and turns [rad/sqrt(s)].
-STANCE_NOISE, TURNING = 0.00075, 0.0005
-SINKING = 0.0005  # into level ground, once a step [m]
-FLATNESS = 0.001  # of a sole that stands on it, once a step [rad]
+STANCE_NOISE, TURNING = 0.00025, 0.00015
+SINKING = 0.0015  # into level ground, once a step [m]
+FLATNESS = 0.0007  # of a sole that stands on it, once a step [rad]
 GATE = 23.5  # of a foot's squared innovation: 1e-4 of chi^2 of 4 [-]
 
 THETA, V, P, BIAS = slice(0, 3), slice(3, 6), slice(6, 9), slice(15, 21)
@@ -23,6 +23,7 @@ GYRO_BIAS, FORCE_BIAS = slice(15, 18), slice(18, 21)
 # Place and heading of each sole, and what the legs measure them from.
 FEET, BODY = ([9, 10, 11, 21], [12, 13, 14, 22]), [6, 7, 8, 2]
 HEADINGS, GAUGE, SIZE = slice(21, 23), slice(23, 26), 26
+_SEEN = np.array([np.eye(SIZE)[foot] - np.eye(SIZE)[BODY] for foot in FEET])
 # What GAUGE turns about W's z axis, and moves along x and y.
 _ALL = np.zeros((SIZE, 3))
 _ALL[[2, 21, 22], 0] = _ALL[[6, 9, 12], 1] = _ALL[[7, 10, 13], 2] = 1.0
@@ -154,14 +155,14 @@ class InvariantEkf:
         moved[1] += (x[0] + (R @ double @ f) * T + _G * (0.5 * T)) * T
         Phi = self._Phi.copy()
         cross = skew(0.5 * (x + moved))
-        Phi[THETA, GYRO_BIAS] = Phi[V, FORCE_BIAS] = -T * RG
-        Phi[3:15, GYRO_BIAS] = (cross @ (-T * RG)).reshape(12, 3)
+        spread = np.concatenate((np.eye(3), cross.reshape(12, 3)))
+        Phi[V, FORCE_BIAS] = -T * RG
+        Phi[:15, GYRO_BIAS] = spread @ (-T * RG)
         Phi[P, FORCE_BIAS] = (-(T**2)) * (R @ double)
         # Gravity turns with the error that the bias makes within the period.
         Phi[V, GYRO_BIAS] += self._Phi[P, THETA] @ -R
         Phi[P, GYRO_BIAS] -= (0.5 * T**2) * (skew(x[0]) @ R)
         cov = Phi @ cov @ Phi.T
-        spread = np.vstack((np.eye(3), cross.reshape(12, 3)))
         cov[:15, :15] += self._gyro_var * (spread @ spread.T)
         cov.ravel()[:: SIZE + 1] += self._noise
         return Estimate(R @ turned, moved, bias, heading, cov)
@@ -230,9 +231,10 @@ class InvariantEkf:
         place, ahead = seen(last, legs)
         turn = np.remainder(ahead - last.heading + math.pi, 2.0 * math.pi)
         r = np.column_stack((place - last.x[2:], turn - math.pi))[rows].ravel()
-        HP = np.concatenate([last.cov[FEET[i]] - last.cov[BODY] for i in rows])
-        S = np.concatenate([HP[:, FEET[i]] - HP[:, BODY] for i in rows], axis=1)
-        return _corrected(last, HP, S + self._leg_noise(last, rows, legs), r)
+        H = _SEEN[rows].reshape(-1, SIZE)
+        HP = H @ last.cov
+        S = HP @ H.T + self._leg_noise(last, rows, legs)
+        return _corrected(last, HP, S, r)
 
     def _leg_noise(self, last: Estimate, rows: list[int], legs: Legs) -> Array:
         """Covariance of place and heading of the soles `rows` by the legs."""
