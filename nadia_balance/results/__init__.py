@@ -3,14 +3,13 @@
 `t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is its
 value at that instant; a signal has the name of its port, and `signal` returns
 its parts by name.  `foot_poses` (n, 8) are MeasuredFeet, `trunk_tilt` (n, 2) is
-a TrunkTilt.
-Arrays without a row per tick contain the other data that the evaluation and all
-plots need: `sole` (4, 2) [m]; `weight` () [N]; of the actuators, all (nu,),
-`actuator_names`, `effort_limits` [N m], `joint_speed_limits` [rad/s] and
-`joint_speed_columns` of `state`; `region_base`, `region_forward` and
-`region_backward` (n, 2) [m], the reachability regions (see
-core.body.reachability); and, on a ground of regions, `ground` (n, 3), the
-number of the region and x, y [m] of each corner.
+a TrunkTilt.  Arrays without a row per tick contain the other data that the
+evaluation and all plots need: `sole` (4, 2) [m]; `weight` () [N]; of the
+actuators, all (nu,), `actuator_names`, `effort_limits` [N m],
+`joint_speed_limits` [rad/s] and `joint_speed_columns` of `state`;
+`region_base`, `region_forward` and `region_backward` (n, 2) [m], the
+reachability regions (see core.body.reachability); and, on a ground of regions,
+`ground` (n, 3), the number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log

@@ -36,16 +36,15 @@ class PushSource(framework.LeafSystem):
     begins, with a number of its own; it replaces the previous live push.
 
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
-    copies of one Context can have different pushes (see `set_push`).
-    Without a `walking_state` (a ContactClock has one), pushes can only begin at
-    a time, and their directions are relative to W.
-    State, for each push and then for the live one: [ticks left, heading [rad]
-    in W (of the support foot until the push begins, then of the force), peak
-    force [N]]; the last three entries are the last count, the number of live
-    pushes, and the duration of the last one in ticks.  The outputs depend on
-    the state only.
-    The update of a tick starts a push; a discrete plant applies its force from
-    the next step on.  `spatial_forces` exists only with a plant.
+    copies of one Context can have different pushes (see `set_push`).  Without a
+    `walking_state` (a ContactClock has one), pushes can only begin at a time,
+    and their directions are relative to W.  State, for each push and then for
+    the live one: [ticks left, heading [rad] in W (of the support foot until the
+    push begins, then of the force), peak force [N]]; the last three entries are
+    the last count, the number of live pushes, and the duration of the last one
+    in ticks.  The outputs depend on the state only.  The update of a tick
+    starts a push; a discrete plant applies its force from the next step on.
+    `spatial_forces` exists only with a plant.
 
     .. pydrake_system::
 

@@ -101,8 +101,7 @@ class InvariantEkf:
     headings.  Neither the transition of the error nor its measurement depends
     on the estimate, but for the biases.  Legs cannot tell turn and horizontal
     place of the whole in W: what these were at the last landing is Schmidt's
-    considered gauge, of which the covariance knows, and which no measurement
-    moves.  Equations are numbered as in docs/sensors.md.
+    considered gauge, in the covariance only.  Equations: see docs/sensors.md.
     """
 
     def __init__(self, sensors: SensorParams, period: float):
