@@ -84,7 +84,9 @@ def test_observes_and_acts_in_the_order_of_the_policy(made):
 
 def test_a_policy_that_is_to_stand_has_no_phases(made):
     """Oracle: both feet at pi, on the ground; it never swings one."""
-    still = PolicyController(ROBOT, made(), PolicyParams(command=(0, 0, 0)))
+    text = "{gait: {num_steps: 0, step: {length: 0.3}}}"
+    scenario = load_scenario("push", robot="g1", text=text, pushes=[])
+    still = closed_loop(scenario, policy=made()).controller
     _, context = running(still, estimated_state=np.eye(NQ + N + 6)[0])
     assert np.allclose(still.observe(context)[N + 6 : N + 8], -1.0)
 

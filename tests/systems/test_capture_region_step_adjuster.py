@@ -84,8 +84,7 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off():
     context = asked(ADJUSTER, walking_state=IN_AIR, alip_icp=OUT)
     for on in True, False, True:
         fix(ADJUSTER, context, mechanisms=[on, 0, 0, 1])
-        found = adjustment(context)
-        assert (found is not NOTHING) is on
+        assert ((found := adjustment(context)) is not NOTHING) is on
     assert found == expected()
     before = walking.Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
     state = replace(IN_AIR, adjustment=before)

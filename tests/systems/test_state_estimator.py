@@ -141,8 +141,7 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
             patch.setattr(humanoid, "StateEstimator", Misled)
             return simulate(closed_loop(scenario), scenario.duration)
 
-    key = runs.all_of(scenario, "humanoid")
-    run = run_cache.once(__name__, key, misled)
+    run = run_cache.once(__name__, runs.all_of(scenario, "humanoid"), misled)
     assert not run.error
     assert run.fell_at is None
     found = measurements.measure_estimate(run.logs)
