@@ -14,7 +14,7 @@ from nadia_balance.core.math.lipm import GRAVITY
 # Standard deviations of what the sensors do not tell.
 # A standing sole creeps and sinks [m/sqrt(s)], and turns [rad/sqrt(s)].
 STANCE_NOISE, TURNING = 0.00025, 0.00015
-SINKING = 0.0015  # into level ground, once a step [m]
+SINKING = 0.0015  # into level ground, by as much in every step [m]
 FLATNESS = 0.0007  # of a sole that stands on it, once a step [rad]
 GATE = 23.5  # of a foot's squared innovation: 1e-4 of chi^2 of 4 [-]
 
