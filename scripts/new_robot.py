@@ -2,6 +2,7 @@
 
 import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
+import shutil
 import sys
 from pathlib import Path
 
@@ -37,15 +38,18 @@ def main(argv: list[str] | None = None) -> int:
                 raise ValueError(f"out = {args.out}: must not be that of FILE")
             if path.exists() and not args.force:
                 raise ValueError(f"{path}: exists; --force overwrites it")
+        known = args.out.exists()
         folder = prepare_folder(args.out)
-    with appearing(folder) as drafts:
-        with parser.refusing():
-            _make(args, drafts)
-        if (meshes := drafts / "meshes").exists():
-            (folder / "meshes").mkdir(exist_ok=True)
-            for mesh in meshes.iterdir():
-                mesh.replace(folder / "meshes" / mesh.name)
-            meshes.rmdir()
+    try:
+        with appearing(folder) as drafts:
+            with parser.refusing():
+                _make(args, drafts)
+            if (meshes := drafts / "meshes").exists():
+                shutil.copytree(meshes, folder / "meshes", dirs_exist_ok=True)
+                shutil.rmtree(meshes)
+    finally:
+        if not known and not any(folder.iterdir()):
+            folder.rmdir()
     command_line.say(f"wrote {folder}/{{{', '.join(MADE)}}}")
     if args.no_walk:
         return command_line.DONE
@@ -75,9 +79,8 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
     """Writes the reach of the legs into `folder`; returns a line about it."""
     from nadia_balance.new_robot.make import write_reach
 
-    before = robot.point_mass.reach
     reach, missed = reach_within(robot)
-    if reach == before and not missed:
+    if reach == robot.point_mass.reach and not missed:
         return "guessed: the legs get to every corner of that reach"
     write_reach(folder, reach)
     if missed:

@@ -23,8 +23,7 @@ FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
 ALONG = 0.75
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
-# Distances of the legs' pitch joints, and of all joints outside of the legs,
-# from their limits [rad].
+# Distances of the legs' pitch joints, and of other limbs', from limits [rad].
 _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
 _LEVEL = 0.01  # tolerance of level soles under the CoM [m], [rad]
 # A last pitch joint this near to one that is no knee, in bones, is a toe's.
@@ -36,8 +35,7 @@ _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
 _MOST_LEAN = 1.0  # largest outward angle of a leg [rad]
 
-# Links by the user: of `pelvis`, `torso`, `left_foot` and `right_foot` those
-# that are not to be found.
+# Links that the user names: of pelvis, torso, left_foot and right_foot.
 Names = Mapping[str, str]
 Fields = dict[str, Any]  # of robot.yaml [m, rad]
 

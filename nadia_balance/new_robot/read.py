@@ -126,8 +126,8 @@ def _parts(top: Element, tag: str) -> dict[str, _Part]:
     found: dict[str, _Part] = {}
     for element in top.findall(tag):
         name = element.get("name", "")
-        if not name or name in found:
-            raise ValueError(f"{tag} {name!r}: must have a name of its own")
+        if not name or name in found or "::" in name:
+            raise ValueError(f"{tag} {name!r}: must be a unique name, no ::")
         found[name] = _Part(f"{tag} {name}", element)
     return found
 
@@ -315,7 +315,9 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
 
 def _leave_out(spec: mujoco.MjSpec, file: Path, notes: robots.Notes) -> None:
     """Drops what belongs to a scene, and shapes whose files are missing."""
-    scene = spec.pairs, spec.excludes, spec.sensors, spec.keys
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    scene = spec.pairs, spec.excludes, spec.sensors, spec.keys, spec.textures
     for element in [element for part in scene for element in part]:
         spec.delete(element)
     folder = file.resolve().parent / spec.meshdir

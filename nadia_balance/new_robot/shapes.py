@@ -18,12 +18,10 @@ _ON_PLANE_EXACT = 0.0025
 _SAME_NORMAL = np.cos(np.deg2rad(3.0))
 _DOWNWARD = np.cos(np.deg2rad(50.0))
 _WIDTHS = 10001  # of rectangles that are compared
-# Smallest size of a link with a capsule [leg length].
-_SMALLEST = 0.25
+_SMALLEST = 0.25  # size of a link with a capsule [leg length]
 _THICKNESS = 0.9  # diameter over the mean of a link's shorter extents [-]
 _BONE = 0.15  # radius over length of a thigh or shin without shapes [-]
-# Capsules that are nearer [m] in the standing posture are made thinner, to no
-# less than this share of their radius [-].
+# Capsules nearer [m] in the standing posture get thinner, to this share [-].
 _CLEARANCE, _THINNEST = 0.03, 0.5
 _SHOE_ABOVE_SOLE = 0.004  # [m]
 _THINNEST_PLATE = 1e-4  # [m]

@@ -1,8 +1,7 @@
 """A biped that nobody has seen, written as people write URDFs.
 
-Every link has a frame of its own, turned at random; that of the base has its
-axes in an order of its own.  No transmissions, frames without mass, <gazebo>
-tags, soles from meshes of a package, tapered, and shapes that are rounded.
+Links have frames turned at random, the base axes in an order of its own.  No
+transmissions, frames without mass, <gazebo> tags, tapered soles of meshes.
 """
 
 from dataclasses import dataclass, field

@@ -119,12 +119,13 @@ MJCF = f"""
 <mujoco model="mj">
 <compiler angle="radian" autolimits="true"/>
 <default><joint armature="0.02"/></default>
-<asset><mesh name="none" file="none.stl"/></asset>
+<asset><mesh name="none" file="none.stl"/><material name="m" texture="none"/>
+<texture name="none" type="2d" file="none.png"/></asset>
 <worldbody>
 <geom name="floor" type="plane" size="1 1 1"/>
 <body name="pelvis" pos="0 0 1"><freejoint/>
  <geom type="box" size="0.08 0.1 0.08" mass="10"/>
- <geom type="mesh" mesh="none" contype="0" conaffinity="0" mass="0"/>
+ <geom type="mesh" mesh="none" material="m" contype="0" mass="0"/>
  {leg("l", HIP)}{leg("r", -HIP)}
  <body name="chest" pos="0 0 0.15" euler="0 0 0.3">
   <joint name="waist" axis="0 0 1" range="-1 1" pos="0.02 0.01 0"/>
@@ -136,7 +137,6 @@ MJCF = f"""
 <equality><weld body1="l_tilt" body2="chest" active="false"/></equality>
 <actuator>{MOTORS}</actuator>
 </mujoco>"""
-# Two joints of one body, with anchors of their own.
 BOW = '<joint name="bow" axis="0 1 0" pos="0 0 -0.03" range="-1 1"/>'
 WITH_BOW = MJCF.replace('<joint name="waist"', BOW + '<joint name="waist"')
 WITH_BOW = WITH_BOW.replace(
@@ -163,7 +163,7 @@ def test_an_mjcf_becomes_a_robot(tmp_path):
     assert (sole.half_width, sole.z) == pytest.approx((0.05, -0.08))
     plant = robot.control_plant()
     context = plant.CreateDefaultContext()
-    scene = "<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>"
+    scene = "(?s)<asset>.*?</asset>|<geom type=.mesh.*?/>|<contact.*?t>"
     without = re.sub(scene, "", WITH_BOW)
     model = mujoco.MjModel.from_xml_string(without)
     data, order = mujoco.MjData(model), {}

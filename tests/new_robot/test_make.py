@@ -154,6 +154,7 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("", *rod("chest", "l_foot"), "link l_foot: must be held by on"),
         ("", *rod("chest", "pelvis"), "none; links in closed loops: pelvis"),
         ("", '<joint name="waist".*?</joint>', "", "floating bases: must be"),
+        ("", "l_thigh", "l::thigh", "link 'l::thigh': must be a uniq"),
     ],
 )
 def test_a_faulty_biped_is_refused_in_a_line(tmp_path, name, old, new, message):

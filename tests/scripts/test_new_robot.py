@@ -104,7 +104,7 @@ def test_what_is_refused_leaves_everything_as_it_was(file, tmp_path, capsys):
         argv = [mine, "--out", out, "--force"]
         assert_refused(run_script(new_robot, argv, capsys), why)
         assert mine.read_text(encoding="utf-8") == weak
-    assert not any((tmp_path / "made").iterdir())
+    assert not (tmp_path / "made").exists()
 
 
 def test_a_missing_extra_is_named(file, tmp_path, capsys, monkeypatch):
