@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test lint browser results robustness clean
+.PHONY: push test lint browser results robustness policy clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
@@ -104,6 +104,23 @@ $(MADE)/g1_mujoco.swept: SWEEP := $(G1_MORE) --replicas 1 --engine mujoco \
 $(MADE)/g1_moments.swept: SWEEP := $(G1_MORE) --replicas 1 --at "$(LATER)"
 $(MADE)/sensors.swept: SWEEP := --sensors consumer \
 	--mechanisms all_with_cross_over
+
+# A learned policy in the place of our controller, by its file on PyPI.
+POLICY := build/fastsac_g1_29dof.onnx
+POLICY_MORE := --robot g1 --resolution 0.1 --stride 4 --replicas 1 \
+	--controller $(POLICY)
+policy: .venv/installed-test $(POLICY) $(MADE)/g1_policy_moments.swept \
+		$(MADE)/g1_policy_mujoco.swept $(MADE)/g1_policy_ideal.swept
+
+$(MADE)/g1_policy_moments.swept: SWEEP := $(POLICY_MORE) \
+	--at "right swing 25 %, $(LATER)"
+$(MADE)/g1_policy_mujoco.swept: SWEEP := $(POLICY_MORE) --engine mujoco \
+	--at "right swing 25 %, $(LATER)"
+$(MADE)/g1_policy_ideal.swept: SWEEP := $(POLICY_MORE) --fidelity ideal
+$(POLICY):
+	$(BIN)/python -m pip install --no-deps --target build/holosoma \
+		holosoma-inference==0.1.3
+	cp build/holosoma/*/models/loco/g1_29dof/$(@F) $@
 
 $(MADE)/push/replay.html:
 	$(BIN)/python scripts/push.py --out $(@D)
