@@ -2,7 +2,6 @@
 
 import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
-import shutil
 import sys
 from pathlib import Path
 
@@ -45,8 +44,10 @@ def main(argv: list[str] | None = None) -> int:
             with parser.refusing():
                 _make(args, drafts)
             if (meshes := drafts / "meshes").exists():
-                shutil.copytree(meshes, folder / "meshes", dirs_exist_ok=True)
-                shutil.rmtree(meshes)
+                (folder / "meshes").mkdir(exist_ok=True)
+                for mesh in meshes.iterdir():
+                    mesh.replace(folder / "meshes" / mesh.name)
+                meshes.rmdir()
     finally:
         if not known and not any(folder.iterdir()):
             folder.rmdir()

@@ -21,7 +21,7 @@ from nadia_balance.new_robot import Anatomy, Leg, Notes, measure
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 
-# Rotor inertia over mass and squared leg: 0.1 kg m^2 of Nadia's, at 90.9 kg.
+# Rotor inertia over mass and squared leg, of Nadia: 0.1 kg m^2 are assumed.
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # speed limit of joints without one [rad/s]
 _PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]

@@ -23,13 +23,12 @@ FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
 ALONG = 0.75
 # Knee bends to try in the standing posture, the first feasible is used [rad].
 _BENDS = np.arange(0.6, 0.2, -0.05)
-# Distances of the legs' pitch joints, and of other limbs', from limits [rad].
+# Distances of legs' pitch joints, and of joints elsewhere, from limits [rad].
 _LEG_MARGIN, _ARM_MARGIN = 0.1, 0.15
 _LEVEL = 0.01  # tolerance of level soles under the CoM [m], [rad]
 # A last pitch joint this near to one that is no knee, in bones, is a toe's.
 _TOE, _LONGEST_SOLE = 0.6, 1.0  # [-], [m]
-# Smallest gap between the standing soles [leg length].
-_GAP = 0.05
+_GAP = 0.05  # smallest between the standing soles [leg length]
 _SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
 _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]

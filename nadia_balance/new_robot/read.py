@@ -314,7 +314,7 @@ def read_mjcf(file: Path, notes: robots.Notes) -> robots.Description:
 
 
 def _leave_out(spec: mujoco.MjSpec, file: Path, notes: robots.Notes) -> None:
-    """Drops what belongs to a scene, and shapes whose files are missing."""
+    """Drops parts of a scene, textures, and shapes whose files are missing."""
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     scene = spec.pairs, spec.excludes, spec.sensors, spec.keys, spec.textures

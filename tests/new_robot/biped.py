@@ -1,7 +1,7 @@
 """A biped that nobody has seen, written as people write URDFs.
 
-Links have frames turned at random, the base axes in an order of its own.  No
-transmissions, frames without mass, <gazebo> tags, tapered soles of meshes.
+Links have frames turned at random, the base axes in an order of its own.  There
+are no transmissions, but massless frames, <gazebo> tags and tapered soles.
 """
 
 from dataclasses import dataclass, field
