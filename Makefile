@@ -70,8 +70,8 @@ $(MADE)/%.swept:
 	touch $@
 
 # What the limits of `make results` are worth elsewhere: single pushes at a share
-# of them, the G1 at other moments and in MuJoCo, Nadia with sensors.
-SINGLE := 95 80 60 moments errors mujoco random
+# of them, Atlas at its paper's, the G1 at other moments and in MuJoCo, sensors.
+SINGLE := 95 80 60 moments errors mujoco random fig6 fig6_2017 fig6_demo
 SWEPT := g1_moments g1_mujoco sensors
 
 robustness: .venv/installed-test \
@@ -89,6 +89,17 @@ $(MADE)/errors.pushed: PUSHES := --share 0.8 --directions 8 \
 	delay: 0.012, friction_ratio: 0.5, torso_mass_ratio: 1.1}}"
 $(MADE)/random.pushed: PUSHES := --share 0.6 --pushes 60
 $(MADE)/mujoco.pushed: PUSHES := --share 0.9 --directions 12 --engine mujoco
+FIG6 := --limits atlas_fig6 --share 1
+$(MADE)/fig6.pushed: PUSHES := $(FIG6) --scenario_text "{mechanisms: \
+	all_with_cross_over, controller: {icp_step_qp: null, \
+	timing_adapter: {min_swing_duration: 0.25}}}"
+FIG6 += --mechanisms feedback_step_timing
+$(MADE)/fig6_2017.pushed: PUSHES := $(FIG6)
+$(MADE)/fig6_demo.pushed: PUSHES := $(FIG6) --share 0.7 \
+	--scenario_name atlas_forward_fast,atlas_in_place_fast \
+	--scenario_text "{controller: {timing_adapter: {min_swing_duration: 0.5}}, \
+	pushes: [{body: mtorso, delta_v: 0.0, duration: 0.072, \
+	at: right swing 50 %, after_steps: 2}]}"
 $(MADE)/%.pushed:
 	$(BIN)/python scripts/single_pushes.py $(PUSHES) --out $(MADE)/$*
 	mkdir -p docs/results/single/$*

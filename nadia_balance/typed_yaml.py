@@ -31,9 +31,8 @@ def load_typed(
     Only the child `child_name` is read, if given.  Fields that the YAML lacks
     are copied from `defaults`.
 
-    Raises ValueError: malformed YAML, an unknown field, or a value of the wrong
-    type: one line, which starts with `what`, then names the field; OSError: the
-    file cannot be read.
+    Raises ValueError: malformed YAML, an unknown field or a wrong type: a line,
+    which starts with `what`, then names the field; OSError: it cannot be read.
     """
     try:
         if filename is not None:

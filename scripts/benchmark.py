@@ -117,8 +117,7 @@ def tick_times(
 ) -> tuple[float, list[float]]:
     """Measures the next `ticks` of the `loop`, one by one.
 
-    Returns the real-time factor of the `plant` in the loop, and the times [s]
-    of the controller.
+    Returns the `plant`'s real-time factor, and the controller's times [s].
     """
     diagram, root = loop.get_system(), loop.get_mutable_context()
     period = diagram.scenario.controller.control_period

@@ -52,8 +52,7 @@ def program(main: Callable[..., int]) -> Callable[..., int]:
     """Makes the `main` of a script end without a traceback, by its exit code.
 
     Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
-    write, is reported in one line, with exit code 4.  A closed pipe of the
-    output is ignored.
+    write, is reported in one line, with exit code 4.  A closed pipe is ignored.
     """
 
     @functools.wraps(main)

@@ -167,14 +167,14 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         asked |= QUICK
     asked |= {name: x for name, x in vars(args).items() if x is not None}
     search = set(vars(SearchParams())) & set(asked)
-    names = _words("scenario_name", asked)
+    names = words("scenario_name", asked)
     sweep = Sweep(
         scenarios={name: scenario_of(args, name) for name in names},
         plant=args.plant,
         controller=controller,
         directions=directions(asked),
         at=moments(asked),
-        mechanisms=_words("mechanisms", asked),
+        mechanisms=words("mechanisms", asked),
         search=SearchParams(**{name: asked[name] for name in search}),
     )
     sweep.validate()
@@ -189,7 +189,7 @@ def scenario_of(args: argparse.Namespace, name: str) -> Scenario:
 
 def moments(asked: dict[str, str]) -> tuple[str, ...]:
     """Returns the moments `at` which to push; ValueError: it is none."""
-    return tuple(str(Moment.parse(text)) for text in _words("at", asked))
+    return tuple(str(Moment.parse(text)) for text in words("at", asked))
 
 
 def directions(asked: dict[str, str]) -> tuple[float, ...]:
@@ -197,7 +197,7 @@ def directions(asked: dict[str, str]) -> tuple[float, ...]:
     text = asked["directions"].strip()
     with contextlib.suppress(ValueError):
         if not (text.isdecimal() and text.isascii()):
-            angles = [float(word) for word in _words("directions", asked)]
+            angles = [float(word) for word in words("directions", asked)]
             if all(abs(angle) <= 3600.0 for angle in angles):
                 found = (round(angle, 6) % 360.0 for angle in angles)
                 return tuple(dict.fromkeys(found))
@@ -209,7 +209,7 @@ def directions(asked: dict[str, str]) -> tuple[float, ...]:
     )
 
 
-def _words(name: str, asked: dict[str, str]) -> tuple[str, ...]:
+def words(name: str, asked: dict[str, str]) -> tuple[str, ...]:
     """The words that are asked for, each once."""
     words = [word.strip() for word in asked[name].split(",")]
     if found := tuple(filter(None, dict.fromkeys(words))):

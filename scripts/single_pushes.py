@@ -2,7 +2,8 @@
 
 Direction, moment, side, length and body of each are drawn; with --directions or
 --at, each of these is pushed.  The size is the share of the limit in that
-direction, at the sweep's moment.  The same flags go on after Ctrl-C.
+direction, at the sweep's moment.  With a paper's figure as limits, all of its
+pushes are made, in every gait.  The same flags go on after Ctrl-C.
 
 Example:
     python scripts/single_pushes.py --pushes 40 --out envelopes/random
@@ -24,7 +25,7 @@ from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
 from nadia_balance.scripts.sweep import TRIALS, Cell, Results, Rows, Trial
-from nadia_balance.scripts.sweep.limits import LIMITS, known_limits
+from nadia_balance.scripts.sweep.limits import LIMITS, PROTOCOLS, known_limits
 from nadia_balance.scripts.sweep.report import outcomes, table
 from nadia_balance.scripts.sweep.search import AT, Sweep
 
@@ -44,12 +45,12 @@ class SinglePushes(Sweep):
         """Returns the cell of each push."""
         return list(self.drawn) or super().cells()
 
-    def curve(self) -> dict[float, float]:
+    def curve(self, scenario: str) -> dict[float, float]:
         """Returns direction [deg] -> limit [m/s], for pushes in right swings.
 
-        Raises ValueError: no limit is of this scenario and these mechanisms.
+        Raises ValueError: no limit is of the scenario and these mechanisms.
         """
-        wanted = *self.scenarios, *self.mechanisms
+        wanted = scenario, *self.mechanisms
         known = {c: v for c, v in self.known_limits.items() if c[::2] == wanted}
         if not known:
             raise ValueError(f"limits: must have some of {', '.join(wanted)}")
@@ -63,7 +64,7 @@ class SinglePushes(Sweep):
         """
         left = Moment.parse(cell.at).swing is Side.LEFT
         seen = -cell.direction_deg if left else cell.direction_deg
-        known = zip(*self.curve().items(), strict=True)
+        known = zip(*self.curve(cell.scenario).items(), strict=True)
         delta_v = self.share * float(np.interp(seen, *known, period=360.0))
         return [] if results else [(round(delta_v, 3), 0)]
 
@@ -119,8 +120,9 @@ def failures_text(sweep: SinglePushes, rows: Rows) -> str:
             (push,) = sweep.walk(Cell.of(row), replica=0).pushes
             size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
             where = row["at"], push.body or "base", f"{push.duration:g}"
-            failed.append((*size, *where, row["outcome"], row["reason"]))
-    head = "m/s", "deg", "at", "body", "s", "outcome", "first wrong"
+            ended = row["scenario"], row["outcome"], row["reason"]
+            failed.append((*size, *where, *ended))
+    head = "m/s", "deg", "at", "body", "s", "scenario", "outcome", "first wrong"
     title = f"# Single pushes, at {sweep.share:g} of the limits"
     about = f"{outcomes(rows)}; code `{rows.identity['code']}`."
     parts = [title, about, *([table(head, failed)] if failed else [])]
@@ -137,7 +139,7 @@ def main(argv: list[str] | None = None) -> int:
     share = {"type": command_line.finite, "default": 0.6}
     add("--share", **share, help=f"of the limits {shown}")
     folder = {"type": command_line.place, "metavar": "FOLDER"}
-    about = f"with a {LIMITS} {shown}"
+    about = f"with a {LIMITS}, or one of {', '.join(PROTOCOLS)} {shown}"
     add("--limits", **folder, default="docs/results/fig10", help=about)
     add("--pushes", type=int, default=1000, help=f"at random {shown}")
     for name in ("--directions", "--at"):
@@ -145,7 +147,7 @@ def main(argv: list[str] | None = None) -> int:
     command_line.scenario_flags(parser, name="push")
     add = parser.add_argument_group("running").add_argument
     envelope.running_flags(add, "envelopes/single")
-    parser.set_defaults(out=Path("envelopes/single"), scenario_name="push")
+    parser.set_defaults(out=Path("envelopes/single"))
     args = parser.parse_args(argv)
     with parser.refusing():
         sweep = sweep_from(args)
@@ -165,19 +167,26 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
     if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
         given = f"pushes = {args.pushes}, share = {args.share}"
         raise ValueError(f"{given}: must be in [1, 100000] and (0, 3]")
-    name, most = args.scenario_name, args.mechanisms or list(MECHANISMS)[-1]
-    scenario = envelope.scenario_of(args, name)
-    known = known_limits(folder := Path(args.limits))
-    made = Rows.read(folder).identity if (folder / TRIALS).exists() else {}
-    if (of := made.get("robot", scenario.robot)) != scenario.robot:
-        why = f"must be of {scenario.robot}, not of {of}"
-        raise ValueError(f"limits = '{folder}': {why}")
-    random = args.directions is None and args.at is None
-    asked = {"directions": args.directions or "12", "at": args.at or AT}
+    most = args.mechanisms or list(MECHANISMS)[-1]
+    figure = PROTOCOLS.get(str(args.limits))
+    asked = {"scenario_name": "push", "directions": "12", "at": AT}
+    asked |= vars(figure) if figure else {}
+    of = asked.get("robot")
+    asked |= {name: x for name, x in vars(args).items() if x is not None}
+    names = envelope.words("scenario_name", asked)
+    scenarios = {name: envelope.scenario_of(args, name) for name in names}
+    known = figure.largest(most) if figure else known_limits(args.limits)
+    if (args.limits / TRIALS).exists():
+        of = Rows.read(args.limits).identity["robot"]
+    if of not in (None, robot := scenarios[names[0]].robot):
+        why = f"must be of {robot}, not of {of}"
+        raise ValueError(f"limits = '{args.limits}': {why}")
+    drawn_of = names[0], scenarios[names[0]], most, args.pushes
+    random = not (figure or args.directions or args.at)
     sweep = SinglePushes(
         share=args.share,
-        drawn=drawn(name, scenario, most, args.pushes) if random else {},
-        scenarios={name: scenario},
+        drawn=drawn(*drawn_of) if random else {},
+        scenarios=scenarios,
         plant=args.plant,
         controller=command_line.policy_of(args),
         directions=envelope.directions(asked),
@@ -186,7 +195,8 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         known_limits=known,
     )
     sweep.validate()
-    sweep.curve()
+    for name in scenarios:
+        sweep.curve(name)
     return sweep
 
 

@@ -7,8 +7,7 @@ from scipy.linalg import block_diag
 
 from nadia_balance.core.math.qp import QpProblem
 
-# Sizes (variables, equalities, inequalities); some twenty of the last one's
-# inequalities are active.
+# Variables, equalities, inequalities; of the last, some twenty are active.
 SIZES = [(4, 0, 10), (4, 1, 10), (12, 3, 20), (41, 18, 80)]
 
 

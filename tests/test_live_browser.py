@@ -56,8 +56,7 @@ def set_slider(page: Page, label: str, text: str) -> None:
 def test_a_user_pushes_pauses_resets_toggles_and_stops(browser):
     """Oracles: the page's text, its camera, the exit code, the terminal.
 
-    There, m delta_v / 0.1 s: to the left at first; then what is typed into the
-    boxes beside the sliders.
+    There, m delta_v / 0.1 s: to the left; then what is typed into the boxes.
     """
     argv = "--live", "--plant", "lipm", "--scenario_text", f"gait: {{{GAIT}}}"
     with running.program("push", *argv, stderr=None) as program:

@@ -61,8 +61,7 @@ def write_run(
 ) -> list[str]:
     """Writes the files of a run into `folder`; returns their names.
 
-    `scenario` is the YAML of the scenario.  With a `meshcat`, its recording
-    becomes the replay.
+    `scenario` is YAML.  The recording of a `meshcat` becomes the replay.
 
     Raises OSError: a file cannot be written; then none is.
     """
@@ -139,8 +138,7 @@ def replay_status(log: Log, summary: dict) -> str:
 
     Each line of the story appears at its time; the last one, the result of the
     run, is shortened to its first part.  Buttons below jump to the begin of
-    each push and of each step; above them ICP error, foot forces and torque are
-    drawn over time.
+    each push and step, below curves of ICP error, foot forces and torque.
     """
     color, told = palette.foot_color, telling(log, summary)
     ends = "#1b7a3d" if summary["recovered"] else "#c01a2e"  # green, or red

@@ -87,8 +87,7 @@ class StandingLegs:
         It is the rectangle, in the sole frame, at whose edges the first ankle
         joint reaches its torque limit under the robot's whole weight.  Ankle
         joints are those between the foot and the knee, which is the second
-        pitch axis above the foot; with other legs, the part is the whole
-        `sole` (4, 2).
+        pitch axis above the foot; other legs hold the whole `sole` (4, 2).
 
         Raises ValueError: an ankle cannot carry the robot anywhere on the sole.
         """

@@ -206,8 +206,7 @@ class StateEstimator(LeafSystem):
     ):
         """Estimates every `period` [s], from the pose of the base in `q` (nq,).
 
-        Soles land on ground of known `height` [m], None: of any height; `kind`
-        is one of FILTERS.
+        The ground's `height` [m] is known, or None; `kind` is one of FILTERS.
 
         Raises ValueError: the robot lacks the body that carries the IMU.
         """

@@ -70,8 +70,7 @@ class FootForceSensor(LeafSystem):
     `foot_forces` are the components along z of W, clipped at 0 in every step,
     without contacts among the robot's own bodies.  After a hard touchdown a
     foot bounces within one step of the plant, so every step is measured.  The
-    discrete state is the output, and the forces in the steps of the period, the
-    latest first.
+    discrete state is the output, and the forces in each step, the latest first.
 
     .. pydrake_system::
 

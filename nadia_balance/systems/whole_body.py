@@ -25,8 +25,7 @@ class WholeBodyInverseDynamics(LeafSystem):
     """Computes joint torques by the whole-body QP once a tick and holds them.
 
     `friction` is by default that of the parameters; `actuation` [N m] is in the
-    order of the plant's actuators; `generalized_acceleration` (nv,) is the vdot
-    of the solution.
+    order of the plant's actuators; `generalized_acceleration` (nv,) is vdot.
 
     Before the update of a tick the outputs are computed from the inputs; from
     then on to the next tick they are those of the state, independent of the

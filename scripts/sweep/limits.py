@@ -65,6 +65,14 @@ class Protocol:
                 curve[direction] = float(value) * self.unit_speed
         return curves
 
+    def largest(self, mechanisms: str) -> dict[Cell, float]:
+        """The paper's largest pushes [m/s], as those of our `mechanisms`."""
+        return {
+            Cell(gait, self.at, mechanisms, direction): delta_v
+            for gait in self.scenario_name.split(",")
+            for direction, delta_v in [*self.curves(gait).values()][-1].items()
+        }
+
 
 PROTOCOLS = {
     "nadia_fig10": Protocol(

@@ -3,8 +3,7 @@
 Pushes are multiples of the resolution.  A push is tried with replicas that
 differ slightly, because the outcome of one trial may be chance.  The search
 increases the push in strides until it fails, bisects the interval to one
-resolution, and then confirms the push that it has found and the next smaller
-one that was tried.
+resolution, and then confirms the push it found and the next smaller one tried.
 """
 
 import copy

@@ -137,8 +137,7 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
     The verdict is that of push.py, at the first instant at which it is certain:
     an improper contact, an exceeded limit, or a recovery.  `outcome` is
     recovered, fell, failed (upright, but not recovered), undecided (the run
-    ended too early) or error.  Errors of the simulation are not raised but
-    reported in the row.
+    ended too early) or error: those of the simulation are not raised.
     """
     walk = sweep.walk(cell, replica)
     row = cell._asdict() | {"delta_v": delta_v, "replica": replica}

@@ -73,8 +73,7 @@ def test_atlas_recovers_from_what_the_paper_shows_for_nadia():
     """Oracle: Fig. 10 of the Nadia paper, inward, all mechanisms [m/s].
 
     With Nadia's scenarios and gains; twice its mass, the CoM a third higher.
-    Outward it is pushed in test_stories.  The QP meets its torque limits to
-    1e-8 (core/math/qp.py).
+    Outward: see test_stories.  The QP meets torque limits to 1e-8 (qp.py).
     """
     found = simulated(
         "{robot: atlas, mechanisms: all_with_cross_over, duration: 3.5, "

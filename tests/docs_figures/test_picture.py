@@ -73,8 +73,7 @@ def red_pixels(image: np.ndarray) -> int:
 def test_shows_the_moments_side_by_side(draw, runs, tmp_path):
     """Oracles: the ball; the camera, whose y is up, 2 m to the left of it.
 
-    The colours are explained below the pictures.  These are of frames with all
-    regions, each 1/16 s.
+    Below, the colours are explained: of frames with all regions, each 1/16 s.
     """
     out = tmp_path / "strip.png"
     view = "--azimuth 90 --elevation 0 --distance 2 --times 0 1.52".split()

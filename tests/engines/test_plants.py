@@ -105,8 +105,7 @@ def plant_with(
 ):
     """The plant, its simulator and a context in which all inputs are fixed.
 
-    `swing` (3,) and `rates` [v(3), a(3)] are told to the right foot, which is
-    to swing or swings.
+    `swing` (3,), `rates` [v(3), a(3)]: of the right foot, in or before a swing.
     """
     state = WalkingState(replace(walk(), phase=phase, start=START))
     plant = plants.PointMassPlant(MODEL, PERIOD, state)

@@ -141,8 +141,7 @@ def test_distances_are_those_of_the_shapes(links):
 def test_rows_are_the_rates_of_the_distances(links):
     """Oracle: finite differences of brute force along each velocity.
 
-    Drake maps velocities to q.  A step of 1e-5 leaves 1e-10 of curvature, and
-    1e-10 of rounding.
+    Drake maps velocities to q.  Steps of 1e-5: 1e-10 of curvature, of rounding.
     """
     q, step = links.random_positions(np.random.default_rng(1)), 1e-5
     found, rows = links.said(q, FAR)

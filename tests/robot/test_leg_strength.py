@@ -61,8 +61,7 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
 
     Half of 0.1 m/s^2 is rounding; the worst direction is within pi / 64 of one
     that is tried, where cos(pi / 64) of the limit is used.  A quintic from rest
-    to rest peaks at 1.875 times its mean; 0.7 of the joints' speed are for the
-    way over the ground.
+    to rest peaks at 1.875 of its mean; 0.7 of the speed are for the way ahead.
     """
     plant, context = standing(robot)
     gravity = MultibodyForces(plant)

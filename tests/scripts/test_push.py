@@ -56,8 +56,7 @@ def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
     assert named.gait.num_steps == 30 and named.terrain.name == "gap"
 
 
-# What is asked for, and how the answer begins; what scenarios and robots refuse
-# is tested with them.
+# What is asked for, and how the answer begins; scenarios, robots: see there.
 REFUSED = [
     (["--scenario_name", "x"], "scenario_name = 'x': must be one of push,"),
     (["--scenario_name", "stand"], "pushes = []: must have a push"),

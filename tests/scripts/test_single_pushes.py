@@ -16,17 +16,18 @@ from tests.scripts.sweep.made_up import MadeUpRobot
 from tests.source_files import ROOT
 
 FIG10 = ROOT / "docs" / "results" / "fig10"
+MOST_2017 = "feedback_step_timing"
 
 
-def sweep_of(capsys, *argv) -> single_pushes.SinglePushes:
-    """The sweep of the flags, with limits that grow with the direction."""
+def sweep_of(capsys, *argv, grow=True) -> single_pushes.SinglePushes:
+    """The sweep of the flags; its limits `grow` with the direction."""
     with patch.object(single_pushes.envelope, "carry_out") as carry_out:
         carry_out.return_value = 0
         argv = ["--limits", FIG10, *argv]
         assert run_script(single_pushes, argv, capsys).code == 0
     sweep = carry_out.call_args.args[3]
-    known = sweep.known_limits
-    sweep.known_limits = {c: 1.0 + c.direction_deg / 360.0 for c in known}
+    for cell in sweep.known_limits if grow else ():
+        sweep.known_limits[cell] = 1.0 + cell.direction_deg / 360.0
     return sweep
 
 
@@ -66,6 +67,17 @@ def test_pushes_come_where_they_are_asked_for(capsys):
     assert sizes == pytest.approx(expected, abs=1e-3)
     walk = sweep.walk(sweep.cells()[0], 0)
     assert (walk.engine, walk.pushes[0].duration) == ("mujoco", 0.1)
+
+
+def test_a_papers_pushes_are_all_of_its_figure(capsys):
+    """Oracle: Fig. 6 by hand, in shares of the weight, for 0.1 s."""
+    argv = "--limits", "atlas_fig6", "--share", 0.5, "--mechanisms", MOST_2017
+    sweep = sweep_of(capsys, *argv, grow=False)
+    sizes = {c[::3]: sweep.attempts(c, {})[0][0] for c in sweep.cells()}
+    assert len(sizes) == 4 * 14
+    for gait, force in ("forward_fast", 1.60), ("forward_slow", 0.96):
+        found = sizes[f"atlas_{gait}", 0.0]
+        assert found == pytest.approx(0.5 * force * 9.81 * 0.1, abs=5e-4)
 
 
 @pytest.fixture

@@ -43,8 +43,7 @@ def estimated(force, velocity, ticks, rpy=(0.0, 0.0, 0.0)):
 def test_a_sole_that_slips_lowers_the_friction_once_it_has_settled(rpy):
     """Oracle: 0.9 of 0.5, after 15 ticks of 2 ms; no slip, no change.
 
-    Both are in the frame of the sole, however it is turned: what it moves along
-    its normal is no slip.
+    In the sole's frame, however it is turned: along its normal is no slip.
     """
     sideways, forward = [0.1, 0.5, 1.0], [0.4, 0.0, 0.1]
     assert estimated(sideways, forward, 10, rpy) == 0.6

@@ -159,8 +159,7 @@ def cmps(
     """Returns the CMPs in order, with their derivatives by the footholds.
 
     Rows are [x, y, derivative by each of `steps`]: in double support the CoP of
-    schedule.start, then heel and toe of each stance foot (Eq. 15), and the
-    middle of the soles.
+    schedule.start; heel and toe of each stance foot (Eq. 15); mid of the soles.
     """
     inner = shrink(model.cop_area, params.margin, "margin")
     centre = centroid(model.cop_area)

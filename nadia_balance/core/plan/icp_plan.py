@@ -190,8 +190,7 @@ class IcpPlan(walking.Immutable):
     def time_to(self, icp: Array, t: float) -> float:
         """Returns the time [s] from `t` until the plan is closest to `icp`.
 
-        Nadia paper, Eq. 15, within the present phase, on chords of 1/64 of it;
-        `icp` (2,) [m] in W.
+        Nadia paper, Eq. 15, on chords of 1/64 of this phase; `icp` (2,) in W.
         """
         times, path = self.path
         after = int(np.searchsorted(times, t, side="right"))

@@ -74,9 +74,8 @@ def is_leaving(
 
     This holds if the ICP is outside the polygon `support` (n, 2), its error
     points outward, and the eCMP that would keep the error constant (K = 1 in
-    the Nadia paper, Eq. 6) is not `margin` [m] inside the support.  An ICP that
-    only lags behind on its way to the next foot does not leave.  `icp` (2,)
-    [m] in W.
+    the Nadia paper, Eq. 6) is not `margin` [m] inside the support.  An `icp`
+    (2,) [m] that only lags behind on its way to the next foot does not leave.
     """
     error = icp - reference.icp
     if contains(reference.ecmp + error, support, -margin):

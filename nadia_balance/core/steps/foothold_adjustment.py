@@ -65,8 +65,7 @@ def touchdown_interval(
 ) -> tuple[float, float]:
     """Returns the earliest and latest load [s] from now on the new foot.
 
-    `time_gain` [s] is the total expected change of the clock, negative while
-    the clock is held.
+    `time_gain` [s] is the expected change of the clock, negative if it is held.
     """
     earliest = max(state.remaining_time - time_gain, 0.0)
     return earliest, earliest + params.waiting_time

@@ -317,9 +317,8 @@ def end_beyond(
 ) -> Array:
     """Returns the end (3, n) of the quintic that passes `via` (n,) at `t`.
 
-    Until `t` in (0, horizon) [s], this quintic is the minimum jerk motion from
-    `start` through via to `end`, both (3, n), whose fifth derivative jumps at
-    `t`.
+    Until `t` in (0, horizon) [s], it is the minimum jerk motion from `start` by
+    via to `end`, both (3, n), whose fifth derivative jumps at `t`.
     """
     h = horizon - t
     kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])

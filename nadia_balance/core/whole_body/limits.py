@@ -48,8 +48,7 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
 _HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
-# Costs of a joint's and of the trunk's acceleration beyond its limit, s^2 in
-# (rad/s^2)^2.
+# Costs of accelerations of joints and trunk beyond their limits [s^4/rad^2].
 _JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _LOADED = 0.2  # share of the weight below which slips are ignored [-]

@@ -100,9 +100,8 @@ class WholeBodyQpParams:
         29.0, above=0.0, most=180.0, unit="deg", of=""
     )
     trunk_tilt_horizon: float = bounded(0.15, above=0.0, unit="s")
-    # Regularisation of sole moments, horizontal and normal forces / mass: it
-    # distributes the load with small sole moments.  The normal force weight
-    # biases the height.
+    # Regularisation of sole moments, horizontal and normal forces / mass: the
+    # load is shared with small moments; the normal weight biases the height.
     moment_weight: float = bounded(1e-2, above=0.0, unit="1/m^2")
     tangential_weight: float = bounded(1e-3, above=0.0)
     normal_weight: float = bounded(1e-6, above=0.0)

@@ -64,8 +64,7 @@ class WholeBodyQp:
 
         `tasks` are added to those of momentum, trunk and swing foot.
 
-        Raises ValueError: a task's weight is negative, or the margin leaves no
-        area of the sole.
+        Raises ValueError: a task's weight < 0, or a margin that leaves no sole.
         """
         self._params, self._model = params, model
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])

@@ -21,8 +21,7 @@ _FORCE = slice(3, 6)  # columns of the base's rows
 class Motion(NamedTuple):
     """The task J vdot + b = a, of n rows.
 
-    `rows` are [J, b] (n, nv + 1), as in WholeBodyTerms; `acceleration` is the
-    desired a (n,).
+    `rows` are [J, b] (n, nv + 1), as in WholeBodyTerms, `acceleration` a (n,).
     """
 
     rows: Array

@@ -19,8 +19,7 @@ from tests import example_walks as walks
 PERIOD = 0.002
 PARAMS = TimingAdapterParams(min_swing_duration=0.4, min_transfer_duration=0.05)
 DETOUR = replace(walks.IDEAL_DETOUR, max_acceleration=30.0)
-# Nothing but Eq. 15: almost no threshold, and as little as possible that
-# limits a swing of 1 s.
+# Nothing but Eq. 15: almost no threshold, and little that limits 1 s of swing.
 FREE = TimingAdapterParams(
     icp_error_threshold=1e-5,
     min_swing_duration=0.35,

@@ -29,9 +29,8 @@ VIA, AT = np.array([0.28, 0.15]), 0.34
 def jerk(start, end, duration):
     """Integral of the squared jerk, all axes.
 
-    Exact but for rounding: the acceleration is a cubic, so that a difference
-    of four points is its derivative, and three Gauss points integrate the
-    square of that.
+    Exact but for rounding: of a cubic acceleration, a difference of four points
+    is the derivative, and three Gauss points integrate its square.
     """
     nodes, weights = np.polynomial.legendre.leggauss(3)
     t = 0.5 * duration * (1.0 + nodes)

@@ -264,8 +264,7 @@ def test_the_trunk_stops_at_its_largest_tilt(body, yaw, tilt, rate, near):
 def contradictions():
     """A state, parameters and a body for which the QP has no solution.
 
-    The knee has to bend while the soles stay; back by 7 degrees within 20 ms
-    is 600 rad/s^2.
+    The knee has to bend, with soles at rest: 7 deg in 20 ms are 600 rad/s^2.
     """
     knee, upright = knee_at(0.0)[0], standing_state()
     bent = model(LEFT_KNEE_Y=upright[knee + 1] + 1.5)

@@ -91,8 +91,7 @@ def ankle_rows(state):
 def test_the_ankle_follows_the_reference_of_the_sole(slope):
     """Oracle: Drake's motion of the ankle; differences of its reference.
 
-    The reference is that of an ankle on a sole which keeps to its slope [rad],
-    turns and accelerates.
+    That of an ankle on a sole which keeps its slope [rad], turns and speeds up.
     """
     state = random_state(0, 2.0)
     terms, params = terms_at(state), WholeBodyQpParams()

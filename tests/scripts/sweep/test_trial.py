@@ -104,8 +104,7 @@ def test_a_push_on_who_only_stands_is_captured_by_the_feet_or_not_at_all():
 def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     """Oracle: run_trial here.  The cluster is a real one, of this machine.
 
-    It is also asked by its address.  A real signal ends the first worker that
-    tries the last trial.
+    It has an address, too.  A real signal ends who is first at the last trial.
     """
     free = {"dashboard_address": "127.0.0.1:0"}  # a sweep may have Dask's own
     cluster = functools.partial(module.LocalCluster, scheduler_kwargs=free)
