@@ -89,13 +89,12 @@ $(MADE)/errors.pushed: PUSHES := --share 0.8 --directions 8 \
 	delay: 0.012, friction_ratio: 0.5, torso_mass_ratio: 1.1}}"
 $(MADE)/random.pushed: PUSHES := --share 0.6 --pushes 60
 $(MADE)/mujoco.pushed: PUSHES := --share 0.9 --directions 12 --engine mujoco
-FIG6 := --limits atlas_fig6 --share 1
-$(MADE)/fig6.pushed: PUSHES := $(FIG6) --scenario_text "{mechanisms: \
-	all_with_cross_over, controller: {icp_step_qp: null, \
-	timing_adapter: {min_swing_duration: 0.25}}}"
-FIG6 += --mechanisms feedback_step_timing
-$(MADE)/fig6_2017.pushed: PUSHES := $(FIG6)
-$(MADE)/fig6_demo.pushed: PUSHES := $(FIG6) --share 0.7 \
+FIG6 := --limits atlas_fig6 --share
+$(MADE)/fig6.pushed: PUSHES := $(FIG6) 1 --mechanisms all_with_cross_over \
+	--scenario_text "{mechanisms: all_with_cross_over, controller: \
+	{icp_step_qp: null, timing_adapter: {min_swing_duration: 0.25}}}"
+$(MADE)/fig6_2017.pushed: PUSHES := $(FIG6) 1
+$(MADE)/fig6_demo.pushed: PUSHES := $(FIG6) 0.7 \
 	--scenario_name atlas_forward_fast,atlas_in_place_fast \
 	--scenario_text "{controller: {timing_adapter: {min_swing_duration: 0.5}}, \
 	pushes: [{body: mtorso, delta_v: 0.0, duration: 0.072, \

@@ -167,11 +167,12 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
     if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
         given = f"pushes = {args.pushes}, share = {args.share}"
         raise ValueError(f"{given}: must be in [1, 100000] and (0, 3]")
-    most = args.mechanisms or list(MECHANISMS)[-1]
     figure = PROTOCOLS.get(str(args.limits))
     asked = {"scenario_name": "push", "directions": "12", "at": AT}
+    asked["mechanisms"] = list(MECHANISMS)[-1]
     asked |= vars(figure) if figure else {}
     of = asked.get("robot")
+    most = args.mechanisms or asked["mechanisms"].split(",")[-1]
     asked |= {name: x for name, x in vars(args).items() if x is not None}
     names = envelope.words("scenario_name", asked)
     scenarios = {name: envelope.scenario_of(args, name) for name in names}

@@ -16,7 +16,6 @@ from tests.scripts.sweep.made_up import MadeUpRobot
 from tests.source_files import ROOT
 
 FIG10 = ROOT / "docs" / "results" / "fig10"
-MOST_2017 = "feedback_step_timing"
 
 
 def sweep_of(capsys, *argv, grow=True) -> single_pushes.SinglePushes:
@@ -71,8 +70,9 @@ def test_pushes_come_where_they_are_asked_for(capsys):
 
 def test_a_papers_pushes_are_all_of_its_figure(capsys):
     """Oracle: Fig. 6 by hand, in shares of the weight, for 0.1 s."""
-    argv = "--limits", "atlas_fig6", "--share", 0.5, "--mechanisms", MOST_2017
+    argv = "--limits", "atlas_fig6", "--share", 0.5
     sweep = sweep_of(capsys, *argv, grow=False)
+    assert sweep.mechanisms == ("feedback_step_timing",)
     sizes = {c[::3]: sweep.attempts(c, {})[0][0] for c in sweep.cells()}
     assert len(sizes) == 4 * 14
     for gait, force in ("forward_fast", 1.60), ("forward_slow", 0.96):
