@@ -66,7 +66,7 @@ class Protocol:
         return curves
 
     def largest(self, mechanisms: str) -> dict[Cell, float]:
-        """The paper's largest pushes [m/s], as those of our `mechanisms`."""
+        """Pushes [m/s] of the paper's last curves, as those of `mechanisms`."""
         return {
             Cell(gait, self.at, mechanisms, direction): delta_v
             for gait in self.scenario_name.split(",")
