@@ -36,10 +36,6 @@ class ReachabilityParams:
     width_min: float = bounded(0.125, above=0.0, unit="m", of="sole_width")
     width_max: float = bounded(0.8, above=0.0, unit="m")  # w_max
     width_nominal: float = bounded(0.25, above=0.0, unit="m")  # w_nom
-    # Share of the base region's length, and of its width beyond w_nom, for
-    # steps that return to the commanded footholds: at the gait's pace, the
-    # ankle of the other foot would otherwise meet its limit.
-    return_share: float = bounded(0.7, above=0.0, most=1.0)
     # Largest crossing of the feet beyond the centre line of the stance foot,
     # w_fwd in front of it and w_bwd behind it [m]; negative: before the line.
     width_forward: float = bounded(0.1, unit="m")

@@ -22,6 +22,9 @@ _DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts at least one tick [s]
 _ROUNDING = 1e-9  # tolerance of a rise [m]
 _NEXT = 3  # steps that are brought within reach
+# Share of the way to the edge of the reach, for steps that return to the
+# commanded footholds: forward or backward, and outward [-].
+_RETURN = np.array([0.5, 0.7])
 
 
 @dataclass(kw_only=True)
@@ -217,29 +220,34 @@ def within_reach(
     After an adjusted step, the next commanded foothold may be out of reach, or
     on the wrong side of the stance foot: it is moved to the nearest foothold
     with uncrossed legs.  Each step is relative to the previous one, so that the
-    feet return to the commanded footholds in a few steps, each within
-    `return_share` of the reach.  `landed` is the command of the previous step,
-    or None: if the foot landed there, the next step may use the full reach.
-    With a `ground`, the step is moved to the nearest foothold, if any.  An
-    unchanged step is the same object.
+    feet return to the commanded footholds in a few steps, each at most
+    `_RETURN` of the way from the step as commanded to the edge of the reach: at
+    the gait's pace, the ankle of the other foot would else meet its limit.
+    `landed` is the command of the previous step, or None: if the foot landed
+    there, the next step may use the full reach.  With a `ground`, the step is
+    moved to the nearest foothold, if any.  An unchanged step is the same
+    object.
     """
-    share = 1.0
+    back, last = False, landed
     if landed is not None:
         away = math.dist(feet[landed.side].p_WF[:2], landed.pose.p_WF[:2])
-        if away > _DISPLACED * reach.width_nominal:
-            share = reach.return_share
+        back = away > _DISPLACED * reach.width_nominal
     steps = []
     for step in commanded[:_NEXT]:
-        stance, mirror = feet[step.side.other], np.array([1.0, step.side.sign])
-        p_F = mirror * stance.to_sole(step.pose.p_WF[None, :2])[0]
+        command, stance = step, feet[step.side.other]
+        mirror = np.array([1.0, step.side.sign])
+        p_F, meant = (
+            mirror * foot.to_sole(step.pose.p_WF[None, :2])[0]
+            for foot in (stance, last.pose if back and last else stance)
+        )
+        share = _RETURN if back else np.ones(2)
         rise = abs(step.pose.p_WF[2] - stance.p_WF[2]) if ground else 0.0
-        within = p_F, _scaled(p_F, reach, 1.0 / share)
-        if rise <= reach.rise_max + _ROUNDING and all(
+        within = p_F, _scaled(p_F, meant, 1.0 / share)
+        back = rise > reach.rise_max + _ROUNDING or not all(
             reach.in_base_region(*p) for p in within
-        ):
-            share = 1.0
-        else:
-            region = _share_of_region(reach, share)
+        )
+        if back:
+            region = _share_of_region(reach, meant, share)
             xy = stance.to_world((mirror * project(p_F, region))[None])[0]
             p_WF = np.append(xy, step.pose.p_WF[2])
             step = replace(step, pose=replace(step.pose, p_WF=p_WF))
@@ -248,24 +256,23 @@ def within_reach(
                 parts = [in_world(part, stance, step.side) for part in both]
                 of = step, parts, float(stance.p_WF[2]), reach.rise_max
                 step = terrain.moved_to(ground, *of) or step
-            share = reach.return_share
-        feet = feet.with_foot(step.side, step.pose)
+        feet, last = feet.with_foot(step.side, step.pose), command
         steps.append(step)
     return (*steps, *commanded[_NEXT:])
 
 
-def _share_of_region(reach: Reach, share: float) -> Array:
+def _share_of_region(reach: Reach, meant: Array, share: Array) -> Array:
     """Returns the scaled part (n, 2) [m] of the base region; if empty, all."""
     region = base_region(reach)
-    part = intersection(convex_hull(_scaled(region, reach, share)), region)
+    part = intersection(convex_hull(_scaled(region, meant, share)), region)
     return part if len(part) else region
 
 
-def _scaled(points: Array, reach: Reach, share: float) -> Array:
-    """Returns footholds (..., 2), scaled by `share` in x and in y beyond w_nom.
+def _scaled(points: Array, meant: Array, share: Array) -> Array:
+    """Returns footholds (..., 2) whose way from the step `meant` is scaled.
 
-    Footholds with y below w_nom keep their y.
+    Footholds closer to the stance foot than that keep their y.
     """
-    x, y = points[..., 0], points[..., 1]
-    wider = np.maximum(y - reach.width_nominal, 0.0)
-    return np.stack([share * x, y + (share - 1.0) * wider], axis=-1)
+    way = points - meant
+    scaled: Array = np.where(way < [-math.inf, 0.0], 1.0, share) * way
+    return meant + scaled

@@ -113,24 +113,27 @@ def in_place(count, first=walking.Side.RIGHT):
 
 
 @given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
-def test_the_way_back_takes_a_share_of_the_reach(x, y):
+@pytest.mark.parametrize("meant", [(0.0, 0.25), (0.3, 0.35)])
+def test_the_way_back_goes_by_a_share_of_the_reach(meant, x, y):
     """Oracle: shapely's distance to the base region, shrunk by shapely."""
     landed = step(walking.Side.LEFT, 0.0, 0.125)
+    wanted = step(walking.Side.RIGHT, meant[0], 0.125 - meant[1])
     feet = FEET.with_foot(walking.Side.LEFT, walking.FootPose([x, y, 0.0]))
-    taken, *_ = within_reach(in_place(1), feet, REACH, landed)
-    share = REACH.return_share if math.hypot(x, y - 0.125) > 0.05 else 1.0
-    far = shapely.box(-9.0, 0.25, 9.0, 9.0)  # beyond w_nom
-    whole = shapely.Polygon(base_region(REACH))
-    narrow = shapely.affinity.scale(whole, share, 1.0, origin=(0.0, 0.25))
-    wide = shapely.affinity.scale(whole, share, share, origin=(0.0, 0.25))
-    region = (narrow - far) | (wide & far)
-    wanted, found = (
+    taken, *_ = within_reach((wanted,), feet, REACH, landed)
+    whole = region = shapely.Polygon(base_region(REACH))
+    if math.hypot(x, y - 0.125) > 0.05:
+        narrow = shapely.affinity.scale(whole, 0.5, 1.0, origin=meant)
+        wide = shapely.affinity.scale(whole, 0.5, 0.7, origin=meant)
+        both = zip(narrow.exterior.coords, wide.exterior.coords, strict=True)
+        corners = [(x, min(y, max(z, meant[1]))) for (x, y), (_, z) in both]
+        region = shapely.MultiPoint(corners).convex_hull & whole
+    asked, found = (
         shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
-        for p in ([0.0, -0.125], taken.pose.p_WF)
+        for p in (wanted.pose.p_WF, taken.pose.p_WF)
     )
-    away = region.distance(wanted)
-    if found != wanted:
-        assert wanted.distance(found) == pytest.approx(away, abs=1e-9)
+    away = region.distance(asked)
+    if found != asked:
+        assert asked.distance(found) == pytest.approx(away, abs=1e-9)
     else:  # the ellipse reaches beyond the polygon inside of it
         assert away < 0.08
 
@@ -145,4 +148,4 @@ def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
         walking.Side.LEFT, walking.FootPose([-0.06, 0.125, 0.0])
     )
     (taken,) = within_reach((wanted,), displaced, REACH, landed)
-    assert taken.pose.p_WF[0] == pytest.approx(0.7 - 0.06, abs=0.01)
+    assert taken.pose.p_WF[0] == pytest.approx(0.95 - 0.06, abs=0.01)
