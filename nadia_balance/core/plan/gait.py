@@ -22,8 +22,8 @@ _DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
 _INSTANT = 1e-5  # keeps rates finite; a phase lasts at least one tick [s]
 _ROUNDING = 1e-9  # tolerance of a rise [m]
 _NEXT = 3  # steps that are brought within reach
-# Share of the way to the edge of the reach, for steps that return to the
-# commanded footholds: forward or backward, and outward [-].
+# Share of the way to the edge of the reach, along and outward, for steps back:
+# at the gait's pace, the ankle of the other foot would else meet its limit [-].
 _RETURN = np.array([0.5, 0.7])
 
 
@@ -221,12 +221,10 @@ def within_reach(
     on the wrong side of the stance foot: it is moved to the nearest foothold
     with uncrossed legs.  Each step is relative to the previous one, so that the
     feet return to the commanded footholds in a few steps, each at most
-    `_RETURN` of the way from the step as commanded to the edge of the reach: at
-    the gait's pace, the ankle of the other foot would else meet its limit.
+    `_RETURN` of the way from the step as commanded to the edge of the reach.
     `landed` is the command of the previous step, or None: if the foot landed
     there, the next step may use the full reach.  With a `ground`, the step is
-    moved to the nearest foothold, if any.  An unchanged step is the same
-    object.
+    moved to the nearest foothold, if any.  An unchanged step is the same one.
     """
     back, last = False, landed
     if landed is not None:

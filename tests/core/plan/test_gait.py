@@ -144,8 +144,7 @@ def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
     wanted = step(walking.Side.RIGHT, 0.9, -0.125)
     (taken,) = within_reach((wanted,), FEET, REACH, landed)
     assert taken is wanted
-    displaced = FEET.with_foot(
-        walking.Side.LEFT, walking.FootPose([-0.06, 0.125, 0.0])
-    )
+    off = walking.FootPose([-0.06, 0.125, 0.0])
+    displaced = FEET.with_foot(walking.Side.LEFT, off)
     (taken,) = within_reach((wanted,), displaced, REACH, landed)
     assert taken.pose.p_WF[0] == pytest.approx(0.95 - 0.06, abs=0.01)
