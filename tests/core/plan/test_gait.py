@@ -125,7 +125,7 @@ def test_the_way_back_goes_by_a_share_of_the_reach(meant, x, y):
         narrow = shapely.affinity.scale(whole, 0.5, 1.0, origin=meant)
         wide = shapely.affinity.scale(whole, 0.5, 0.7, origin=meant)
         both = zip(narrow.exterior.coords, wide.exterior.coords, strict=True)
-        corners = [(x, min(y, max(z, meant[1]))) for (x, y), (_, z) in both]
+        corners = [(u, min(v, max(w, meant[1]))) for (u, v), (_, w) in both]
         region = shapely.MultiPoint(corners).convex_hull & whole
     asked, found = (
         shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
