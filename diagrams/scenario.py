@@ -221,13 +221,16 @@ def set_push(
 ) -> None:
     """Changes what is not None in the first push of the `scenario`; checks it.
 
+    A scenario without a push gets one, if `delta_v` and `at` are given.
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
     `delta_v` in [m/s]; `at` as `Push.at`, or STANDING.
 
     Raises ValueError: the scenario has no push, or a value is invalid.
     """
     if not scenario.pushes:
-        raise ValueError("pushes = []: must have a push")
+        if delta_v is None or at is None:
+            raise ValueError("pushes = []: must have a push, or delta_v and at")
+        scenario.pushes = [Push()]
     push = scenario.pushes[0]
     if delta_v is not None:
         push.delta_v, push.force = delta_v, None

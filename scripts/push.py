@@ -17,7 +17,7 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the command line `argv`; returns the exit code of --help."""
     codes = f"0 recovered, {command_line.EXIT_CODES}"
     parser = command_line.CommandLine(__file__, __doc__, codes)
-    about = "The scenario's first push.  Default: as in the scenario."
+    about = "The scenario's first push, as it is there; or a new one."
     add = parser.add_argument_group("push", about).add_argument
     about = "degrees (0 forward, 90 left), or forward, backward, inward, "
     add("--direction", help=f"{about}outward, seen from the stance foot")

@@ -50,10 +50,12 @@ def test_directions(asked_for, direction, right_swing, left_swing):
 
 
 def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
-    """Oracle: the scenario, by its pushes; another one may be named."""
+    """Oracle: its gait and pushes; one may be named, a push be added."""
     assert asked_for("--terrain", "gap").gait.step_width == 0.3
     named = asked_for("--terrain", "gap", "--scenario_name", "push")
     assert named.gait.num_steps == 30 and named.terrain.name == "gap"
+    pushed = asked_for("--terrain", "slopes", "--delta-v", 0.3, "--at", "6 s")
+    assert [push.moment.time for push in pushed.pushes] == [6.0]
 
 
 # What is asked for, and how the answer begins; scenarios, robots: see there.

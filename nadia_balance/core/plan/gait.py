@@ -267,10 +267,7 @@ def _share_of_region(reach: Reach, meant: Array, share: Array) -> Array:
 
 
 def _scaled(points: Array, meant: Array, share: Array) -> Array:
-    """Returns footholds (..., 2) whose way from the step `meant` is scaled.
-
-    Footholds closer to the stance foot than that keep their y.
-    """
+    """Returns footholds (..., 2); scales their way from `meant`, not inward."""
     way = points - meant
     scaled: Array = np.where(way < [-math.inf, 0.0], 1.0, share) * way
     return meant + scaled

@@ -464,7 +464,6 @@ def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
     circle = shapely.Point(FOOT).buffer(reach, quad_segs=256)
     way = shapely.LineString([last, goal])
     share = circle.intersection(way).length / way.length
-
     found = in_time(LAST, WANTED, late_landing(), time)
     x, y = (found.pose.p_WF[:2] - last) / (goal - last)
     assert x == pytest.approx(y)
