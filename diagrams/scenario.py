@@ -221,11 +221,11 @@ def set_push(
 ) -> None:
     """Changes what is not None in the first push of the `scenario`; checks it.
 
-    A scenario without a push gets one, if `delta_v` and `at` are given.
+    Without one, it gets one if `delta_v` and `at` are given.
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
     `delta_v` in [m/s]; `at` as `Push.at`, or STANDING.
 
-    Raises ValueError: the scenario has no push, or a value is invalid.
+    Raises ValueError: there is no push, or a value is invalid.
     """
     if not scenario.pushes:
         if delta_v is None or at is None:

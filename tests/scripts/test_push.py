@@ -56,6 +56,7 @@ def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
     assert named.gait.num_steps == 30 and named.terrain.name == "gap"
     pushed = asked_for("--terrain", "slopes", "--delta-v", 0.3, "--at", "6 s")
     assert [push.moment.time for push in pushed.pushes] == [6.0]
+    assert pushed.mechanisms == "all_with_cross_over"
 
 
 # What is asked for, and how the answer begins; scenarios, robots: see there.

@@ -64,8 +64,7 @@ def test_proposes_and_draws_what_the_core_does(gain):
 def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster():
     """Oracle: the core, with the place of the swing foot, or with none."""
     icp, feet = np.array([0.1, 0.6]), IN_PLACE.feet
-    seen = replace(landing(icp), foot=feet.right.p_WF[:2])
-    wanted = proposed(seen)
+    wanted = proposed(replace(landing(icp), foot=feet.right.p_WF[:2]))
     context = asked(
         ADJUSTER, walking_state=IN_AIR, alip_icp=icp, foot_poses=feet
     )

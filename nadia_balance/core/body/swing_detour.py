@@ -23,8 +23,7 @@ Point = tuple[float, float]
 # acceleration, but also has to correct lateral speed.
 PEAK = 2.0
 
-# Ratio of the remaining time of a foot at full speed, in the second half of its
-# swing, to the time from rest.
+# Remaining time of a foot at full speed half-way, over the time from rest [-].
 UNDER_WAY = math.sqrt(0.5)
 
 _AT_REST = np.zeros(2)
@@ -102,8 +101,7 @@ class SwingDetourParams:
 
         The path has the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to
         rest.  The foot accelerates and brakes; or brakes harder on the whole
-        path; or, if it is too fast, overshoots and returns.  Lateral and
-        backward speed are ignored.
+        path; or, too fast, overshoots and returns.  Only forward speed counts.
         """
         parts = (way[1:] - way[:-1]).tolist()
         length = sum(math.hypot(*part) for part in parts)
