@@ -218,20 +218,22 @@ def set_push(
     direction: str | float | None = None,
     delta_v: float | None = None,
     at: str | None = None,
+    shape: str | None = None,
 ) -> None:
     """Changes what is not None in the first push of the `scenario`; checks it.
 
     Without one, it gets one if `delta_v` and `at` are given.
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
-    `delta_v` in [m/s]; `at` as `Push.at`, or STANDING.
+    `delta_v` in [m/s]; `at` as `Push.at`, or STANDING; `shape` as `Push.shape`.
 
     Raises ValueError: there is no push, or a value is invalid.
     """
-    if not scenario.pushes:
-        if delta_v is None or at is None:
-            raise ValueError("pushes = []: must have a push, or delta_v and at")
-        scenario.pushes = [Push()]
+    if not scenario.pushes and None in (delta_v, at):
+        raise ValueError("pushes = []: must have a push, or delta_v and at")
+    scenario.pushes = scenario.pushes or [Push()]
     push = scenario.pushes[0]
+    if shape is not None:
+        push.shape = shape
     if delta_v is not None:
         push.delta_v, push.force = delta_v, None
     if at == STANDING:

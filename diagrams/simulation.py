@@ -113,8 +113,8 @@ def simulate(
     """
     name = ""
     if isinstance(diagram, str):
-        name, push = diagram, {*changes} & {"direction", "delta_v", "at"}
-        of_push = {key: changes.pop(key) for key in push}
+        name, push = diagram, "direction delta_v at shape".split()
+        of_push = {key: changes.pop(key) for key in push if key in changes}
         scenario = load_scenario(name, **changes)
         if of_push:
             set_push(scenario, **of_push)

@@ -45,11 +45,9 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     scenario = command_line.scenario_from(args)
     if args.live:
         return scenario
-    if args.shape is not None and scenario.pushes:
-        scenario.pushes[0].shape = args.shape
     if not (scenario.pushes or args.mechanisms):  # a walk that is now pushed
         scenario.mechanisms = "all_with_cross_over"
-    set_push(scenario, args.direction, args.delta_v, args.at)
+    set_push(scenario, args.direction, args.delta_v, args.at, args.shape)
     if args.random is not None:
         _push_at_random(args, scenario)
         check(scenario)

@@ -54,8 +54,9 @@ def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
     assert asked_for("--terrain", "gap").gait.step_width == 0.3
     named = asked_for("--terrain", "gap", "--scenario_name", "push")
     assert named.gait.num_steps == 30 and named.terrain.name == "gap"
-    pushed = asked_for("--terrain", "slopes", "--delta-v", 0.3, "--at", "6 s")
-    assert [push.moment.time for push in pushed.pushes] == [6.0]
+    new = "--terrain slopes --delta-v 0.3 --shape ramp --at"
+    pushed = asked_for(*new.split(), "6 s")
+    assert [push.shape for push in pushed.pushes] == ["ramp"]
     assert pushed.mechanisms == "all_with_cross_over"
 
 

@@ -454,9 +454,7 @@ def late_landing(foot=FOOT):
 
 @pytest.mark.parametrize("time", [0.1, 0.125, 0.15])
 def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
-    """Oracle: by hand: straight, accelerating for one half and braking for the
-    other, a foot under way goes a / 4 (t / sqrt(0.5) - settling)^2.
-    """
+    """Oracle: by hand: a foot under way goes a / 4 (sqrt(2) t - settling)^2."""
     detour = GEOMETRY.model.detour
     reach = math.sqrt(2.0) * time - detour.settling
     reach = 0.25 * detour.max_acceleration * reach**2
