@@ -26,6 +26,7 @@ from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 UNITS = ("si", "froude")
+AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 STANDING = "standing"  # of set_push: at 1 s, with no steps at all
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
@@ -222,15 +223,15 @@ def set_push(
 ) -> None:
     """Changes what is not None in the first push of the `scenario`; checks it.
 
-    Without one, it gets one if `delta_v` and `at` are given.
+    A scenario without a push gets one of `delta_v`, at AT if `at` is None.
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
     `delta_v` in [m/s]; `at` as `Push.at`, or STANDING; `shape` as `Push.shape`.
 
-    Raises ValueError: there is no push, or a value is invalid.
+    Raises ValueError: neither push nor `delta_v`, or a value is invalid.
     """
-    if not scenario.pushes and None in (delta_v, at):
-        raise ValueError("pushes = []: must have a push, or delta_v and at")
-    scenario.pushes = scenario.pushes or [Push()]
+    if not scenario.pushes and delta_v is None:
+        raise ValueError("pushes = []: must have a push, or delta_v be given")
+    scenario.pushes = scenario.pushes or [Push(at=AT)]
     push = scenario.pushes[0]
     if shape is not None:
         push.shape = shape

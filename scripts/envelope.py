@@ -23,13 +23,13 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Moment
-from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.diagrams.scenario import AT, Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 from nadia_balance.scripts.sweep import TRIALS, Rows, limits, report, trial
-from nadia_balance.scripts.sweep.search import AT, SearchParams, Sweep
+from nadia_balance.scripts.sweep.search import SearchParams, Sweep
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions

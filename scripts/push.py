@@ -45,8 +45,6 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     scenario = command_line.scenario_from(args)
     if args.live:
         return scenario
-    if not (scenario.pushes or args.mechanisms):  # a walk that is now pushed
-        scenario.mechanisms = "all_with_cross_over"
     set_push(scenario, args.direction, args.delta_v, args.at, args.shape)
     if args.random is not None:
         _push_at_random(args, scenario)

@@ -20,14 +20,14 @@ import numpy as np
 
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase, Side
-from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.scenario import AT, Scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
 from nadia_balance.scripts.sweep import TRIALS, Cell, Results, Rows, Trial
 from nadia_balance.scripts.sweep.limits import LIMITS, PROTOCOLS, known_limits
 from nadia_balance.scripts.sweep.report import outcomes, table
-from nadia_balance.scripts.sweep.search import AT, Sweep
+from nadia_balance.scripts.sweep.search import Sweep
 
 LENGTHS = 0.05, 0.4  # of a push at random [s]
 FAILURES = "failures.md"

@@ -11,12 +11,12 @@ from typing import Any
 
 from nadia_balance.core.walking import vocabulary
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.scenario import AT, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
 from nadia_balance.scripts.sweep import MOST, Cell, Rows, Situation, results_of
-from nadia_balance.scripts.sweep.search import AT, SearchParams, Sweep, limit
+from nadia_balance.scripts.sweep.search import SearchParams, Sweep, limit
 from nadia_balance.scripts.sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records

@@ -18,10 +18,8 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import MECHANISMS
-from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.scenario import AT, Scenario
 from nadia_balance.scripts.sweep import Cell, Results, Trial, digest, of_process
-
-AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 
 
 @dataclass(kw_only=True)

@@ -54,10 +54,10 @@ def test_a_terrain_takes_the_scenario_of_its_name(asked_for):
     assert asked_for("--terrain", "gap").gait.step_width == 0.3
     named = asked_for("--terrain", "gap", "--scenario_name", "push")
     assert named.gait.num_steps == 30 and named.terrain.name == "gap"
-    new = "--terrain slopes --delta-v 0.3 --shape ramp --at"
-    pushed = asked_for(*new.split(), "6 s")
-    assert [push.shape for push in pushed.pushes] == ["ramp"]
-    assert pushed.mechanisms == "all_with_cross_over"
+    asked = "--terrain slopes --delta-v 0.3 --shape ramp".split()
+    for more, when in ([], "right swing 25 %"), (["--at", "6 s"], "6 s"):
+        (push,) = asked_for(*asked, *more).pushes
+        assert (push.delta_v, push.at, push.shape) == (0.3, when, "ramp")
 
 
 # What is asked for, and how the answer begins; scenarios, robots: see there.

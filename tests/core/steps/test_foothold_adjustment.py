@@ -238,9 +238,7 @@ def test_a_region_that_is_captured_on_arrival_is_no_gap_away():
 
 
 def test_the_goal_is_as_deep_inside_as_asked_or_nearly_the_deepest():
-    """Oracle: by hand: the tower's part at least 0.3 m below the edge; only
-    0.2 m are there, less 0.3 / 16.
-    """
+    """Oracle: by hand: 0.3 m below the edge; or all of 0.2 m but 0.3 / 16."""
     (goal,) = chosen(towers(1.0, 0, 0), margin=0.3)
     expected = np.array([[0, -1], [1, -1], [1, -0.3], [0, -0.3]])
     assert convex_hull(goal.part) == pytest.approx(expected, abs=1e-12)
