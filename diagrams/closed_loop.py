@@ -5,7 +5,7 @@ state, the references and the torques of t, all from the same x-.  The updates
 reuse the outputs that the log has evaluated from the cache.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -16,7 +16,9 @@ from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.systems.plan import VelocityCommands
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.signals import connect
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
 
 # Signals that are logged, drawn and exported, of those that there are.
@@ -25,6 +27,7 @@ LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
     walking_signal actuation push_signal foot_forces state""".split()
 DRAWN = """walking_state com_state icp icp_reference ecmp_command
     capture_regions push_force""".split()
+COMMAND = "velocity_command"
 EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
 
 
@@ -46,6 +49,44 @@ class ClosedLoop(framework.Diagram):
         self.scenario = scenario
         self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
         self._ground = scenario.terrain.ground(robot.sole, robot.params.size)
+
+    def _connect_sources(
+        self,
+        builder: framework.DiagramBuilder,
+        controller: framework.System,
+        sources: Mapping[str, framework.System],
+    ) -> dict[str, framework.OutputPort]:
+        """Connects the sources of the controller's inputs, by their names.
+
+        Their own inputs are the controller's outputs of the same names.
+        Returns the port of the velocity command, to log it, if there is one.
+
+        Raises ValueError: no such input or output.
+        """
+        sources = dict(sources)
+        if controller.HasInputPort(COMMAND) and COMMAND not in sources:
+            rows = [
+                (row.time, row.forward, row.left, row.turn)
+                for row in self.scenario.commands
+            ]
+            sources[COMMAND] = VelocityCommands(rows)
+        for name, source in sources.items():
+            what = f"sources[{name!r}] = {type(source).__name__}: must"
+            if not controller.HasInputPort(name):
+                raise ValueError(f"{what} be of an input of the controller")
+            if not source.HasOutputPort(name):
+                raise ValueError(f"{what} have an output {name!r}")
+            if source.get_name() in ("", "_"):
+                source.set_name(f"{name}_source")
+            if not builder.HasSubsystemNamed(source.get_name()):
+                builder.AddSystem(source)
+            connect(builder, source, controller, name)
+            ports = map(source.get_input_port, range(source.num_input_ports()))
+            for port in ports:
+                if controller.HasOutputPort(port.get_name()):
+                    connect(builder, controller, source, port.get_name())
+        known = sources.get(COMMAND)
+        return {COMMAND: known.GetOutputPort(COMMAND)} if known else {}
 
     def _finish(
         self,

@@ -1,6 +1,7 @@
 """The multibody robot and its controller in closed loop."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -41,14 +42,17 @@ class HumanoidDiagram(ClosedLoop):
         scenario: Scenario,
         meshcat: Meshcat | None = None,
         controller: System | None = None,
+        sources: Mapping[str, System] | None = None,
         **blocks: System | None,
     ):
         """Builds the diagram of `scenario`; draws if `meshcat` is given.
 
         `controller` replaces the BalanceController: it has the input
         `estimated_state` and the output `actuation` of one.  Its inputs
-        `foot_forces` and `mechanisms` are connected if it has them, its outputs
-        logged and drawn, too.  Without a `walking_state`, a ContactClock times
+        `foot_forces`, `mechanisms` and `velocity_command` are connected if it
+        has them, its outputs logged and drawn, too.  `sources` are systems
+        whose output of that name is connected to the controller's input; by
+        default `velocity_command` is the scenario's, or of Meshcat's controls.  Without a `walking_state`, a ContactClock times
         the pushes, in directions relative to W.  `blocks` are those of the
         BalanceController, or its `tasks`.
 
@@ -87,7 +91,7 @@ class HumanoidDiagram(ClosedLoop):
         known = self.plant, self.robot, period, self.engine
         sensor = hardware.FootForceSensor(*known, *noise)
         self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
-        self._close_loop(builder, meshcat)
+        self._close_loop(builder, meshcat, sources or {})
         if meshcat is not None:
             scene.add_robot_view(builder, self.scene_graph, meshcat)
             scene.move_floor(meshcat, scenario.place.pose.p_WF)
@@ -96,6 +100,7 @@ class HumanoidDiagram(ClosedLoop):
                 self._ghost = scene.add_ghost(*ghost)
         systems = self.engine, self.sensor, self.push, controller
         logged = {"mechanisms": self._mechanisms, "torques": self._torques}
+        logged |= self._command
         logged |= self._measured
         self._finish(builder, meshcat, period, systems, **logged)
 
@@ -127,7 +132,12 @@ class HumanoidDiagram(ClosedLoop):
         if ratio != 1.0:
             scale_friction(self.plant, self.scene_graph, ratio)
 
-    def _close_loop(self, builder: DiagramBuilder, meshcat) -> None:
+    def _close_loop(
+        self,
+        builder: DiagramBuilder,
+        meshcat: Meshcat | None,
+        sources: Mapping[str, System],
+    ) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
         self._sense(builder)
@@ -158,6 +168,7 @@ class HumanoidDiagram(ClosedLoop):
         if controller.HasInputPort("mechanisms"):
             port = controller.GetInputPort("mechanisms")
             builder.Connect(self._mechanisms, port)
+        self._command = self._connect_sources(builder, controller, sources)
 
     def _sense(self, builder: DiagramBuilder) -> None:
         """Connects the controller's inputs to the measured signals."""

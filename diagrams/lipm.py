@@ -1,6 +1,7 @@
 """The capture-point controller and a point mass in closed loop."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -30,11 +31,13 @@ class LipmDiagram(ClosedLoop):
         self,
         scenario: Scenario,
         meshcat: Meshcat | None = None,
+        sources: Mapping[str, System] | None = None,
         **blocks: System,
     ):
         """Builds the diagram of `scenario`; draws if `meshcat` is given.
 
-        `blocks` replace blocks of the CapturePointController.
+        `blocks` replace blocks of the CapturePointController, `sources` are
+        as of HumanoidDiagram.
 
         Raises ValueError: a block lacks a port, the robot lacks the body of a
         push, the engine is not Drake, the sensors are not perfect, or the
@@ -81,8 +84,10 @@ class LipmDiagram(ClosedLoop):
         if controller.HasInputPort("alip_icp"):  # without a body the same
             connect(builder, plant, controller, icp="alip_icp")
         builder.Connect(mechanisms, controller.GetInputPort("mechanisms"))
+        command = self._connect_sources(builder, controller, sources or {})
         systems = plant, self.controller, self.swing, self.push
-        self._finish(builder, meshcat, period, systems, mechanisms=mechanisms)
+        logged = {"mechanisms": mechanisms} | command
+        self._finish(builder, meshcat, period, systems, **logged)
 
     def set_initial_state(self, context: Context) -> None:
         """Shifts the point mass at random by the scenario's seed."""

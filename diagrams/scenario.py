@@ -1,5 +1,6 @@
 """Scenarios: robot, walking command, pushes and all parameters of a run."""
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -13,12 +14,18 @@ from pydrake.common.yaml import yaml_load_file
 from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.bounds import bounded, check, scaled
-from nadia_balance.core.plan.gait import Gait, swing_sides, walking_start
+from nadia_balance.core.plan.footstep_plan import velocity_limits
+from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.push import Moment, Push, random_pushes
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, NAMED
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot_params
+from nadia_balance.robot.model import (
+    FIDELITIES,
+    RobotModel,
+    load_robot,
+    load_robot_params,
+)
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.systems.estimation import FILTERS
 from nadia_balance.systems.hardware import Imperfections
@@ -30,7 +37,6 @@ AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 STANDING = "standing"  # of set_push: at 1 s, with no steps at all
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
-PAUSE = 10.0  # between random pushes [s]
 ENGINES = ("drake", "mujoco")
 SENSORS = ("perfect", "industrial", "consumer")
 
@@ -48,6 +54,17 @@ class Place:
         """The level frame between the feet."""
         p_WF = np.array([self.x, self.y, 0.0])
         return walking.FootPose(p_WF, math.radians(self.yaw_deg))
+
+
+@dataclass(kw_only=True)
+class Command:
+    """The velocity that is commanded from a time on."""
+
+    time: float = bounded(0.0, least=0.0, most=3600.0, unit="s", of="")
+    forward: float = bounded(0.0, least=-10.0, most=10.0, unit="m/s")
+    left: float = bounded(0.0, least=-10.0, most=10.0, unit="m/s")
+    # To the left.
+    turn: float = bounded(0.0, least=-10.0, most=10.0, unit="rad/s")
 
 
 @dataclass(kw_only=True)
@@ -90,8 +107,14 @@ class Scenario:
     gait: Gait = field(default_factory=Gait)
     controller: ControllerParams = field(default_factory=ControllerParams)
     pushes: list[Push] = field(default_factory=list)
-    # Largest of the pushes in random directions that come every PAUSE; 0: none.
+    # Velocity commands, for a gait without steps of its own.
+    commands: list[Command] = field(default_factory=list)
+    # Largest of the pushes in random directions, one every `random_pause`; 0:
+    # none.
     random_delta_v: float = bounded(0.0, least=0.0, most=10.0, unit="m/s")
+    random_pause: float = bounded(10.0, least=1.0, most=3600.0, unit="s", of="")
+    # Share of the largest commands up to which a random one comes every second.
+    random_commands: float = bounded(0.0, least=0.0, most=1.0)
 
     def point_mass(self, robot: RobotModel) -> PointMassModel:
         """The controller's model of `robot` and of the ground (see Terrain)."""
@@ -120,15 +143,19 @@ class Scenario:
         walking.whole_ticks("imperfections.delay", own, period)
         delay = f"sensors = {self.sensors!r}: its delay"
         walking.whole_ticks(delay, self.delay, period)
-        for push in self.pushes:  # it must begin
-            moment, what = push.moment, f"at = {push.at!r}: must"
-            sides = swing_sides(self.gait) if moment.phase else []
-            if moment.phase and moment.swing not in sides[push.after_steps :]:
-                what += f" come in the gait's {len(sides)} steps, for"
-                raise ValueError(f"{what} after_steps = {push.after_steps}")
+        for push in self.pushes:
+            moment = push.moment
             if moment.phase is None and not moment.time < self.duration:
-                end = f"duration = {self.duration} s"
-                raise ValueError(f"{what} be before {end}")
+                raise ValueError(
+                    f"at = {push.at!r}: must be before duration = "
+                    f"{self.duration} s"
+                )
+        times = [command.time for command in self.commands]
+        for i, (last, time) in enumerate(itertools.pairwise(times), 1):
+            if time <= last:
+                raise ValueError(
+                    f"commands[{i}].time = {time}: must be later than {last} s"
+                )
 
     def _contradictions(self) -> Iterator[tuple[str, str]]:
         """Fields that do not fit the others, and what they must do."""
@@ -143,6 +170,10 @@ class Scenario:
         for name in ("friction_ratio", "torso_mass_ratio"):
             if self.engine == "mujoco" and getattr(errors, name) != 1.0:
                 yield f"imperfections.{name}", "be 1 with engine = mujoco"
+        if self.commands or self.random_commands:
+            for name in ("num_steps", "steps", "footholds"):
+                if getattr(self.gait, name):
+                    yield f"gait.{name}", "not come with commands"
         qp = "controller.icp_step_qp"
         if self.controller.icp_step_qp is None:
             if self.mechanisms in ATLAS_MECHANISMS:
@@ -206,12 +237,28 @@ def load_scenario(
     scenario.units = "si"
     scenario = scaled(scenario, size, given | changes)
     check(scenario)
-    if largest := scenario.random_delta_v:
-        count, scenario.random_delta_v = int(scenario.duration / PAUSE), 0.0
-        more = random_pushes(count, scenario.seed, largest, (PAUSE, PAUSE))
-        in_time = (p for p in more if p.moment.time < scenario.duration)
-        scenario.pushes.extend(in_time)
+    _draw(scenario)
     return scenario
+
+
+def _draw(scenario: Scenario) -> None:
+    """Adds the random pushes and commands, which its seed determines."""
+    duration, seed = scenario.duration, scenario.seed
+    if largest := scenario.random_delta_v:
+        pause, scenario.random_delta_v = scenario.random_pause, 0.0
+        count = int(duration / pause)
+        more = random_pushes(count, seed, largest, (pause, pause))
+        in_time = (p for p in more if p.moment.time < duration)
+        scenario.pushes.extend(in_time)
+    if share := scenario.random_commands:
+        scenario.random_commands = 0.0
+        model = load_robot(scenario.robot, scenario.fidelity).point_mass
+        limits = velocity_limits(scenario.controller.footstep_planner, model)
+        rng = np.random.default_rng([seed, 1])  # not that of the pushes
+        for second in range(1, math.ceil(duration)):
+            forward, left, turn = (share * rng.uniform(*limits)).tolist()
+            row = Command(time=second, forward=forward, left=left, turn=turn)
+            scenario.commands.append(row)
 
 
 def set_push(

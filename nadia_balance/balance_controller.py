@@ -17,6 +17,7 @@ from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
+from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.plan.walking_state_machine import (
     WalkingStateMachineParams as StateMachineParams,
@@ -45,6 +46,7 @@ class ControllerParams:
     )
     walking_state_machine: StateMachineParams = bounded(StateMachineParams)
     timing_adapter: TimingAdapterParams = bounded(TimingAdapterParams)
+    footstep_planner: FootstepPlannerParams = bounded(FootstepPlannerParams)
     step_adjuster: StepAdjusterParams = bounded(StepAdjusterParams)
     icp_plan: IcpPlanParams = bounded(IcpPlanParams)
     # The Atlas paper's QP, with its plan; they replace `step_adjuster`,
@@ -75,7 +77,11 @@ class CapturePointController(Diagram):
     =====================  ================================  ================
     walking_state_machine  foot_poses, foot_forces, icp,     walking_state,
                            icp_plan, time_adjustment,        walking_signal
-                           adjustment
+                           adjustment, footsteps,
+                           revised_footsteps
+    footstep_planner       walking_state, icp_plan,          footsteps,
+                           alip_icp, foot_poses,             revised_footsteps
+                           velocity_command, mechanisms
     icp_planner            walking_state                     icp_plan,
                                                              icp_reference
     timing_adapter         icp, icp_plan,                    time_adjustment
@@ -96,22 +102,36 @@ class CapturePointController(Diagram):
     walking_state is a state, which closes the loop through the planner: it is
     updated once per `control_period`, as all state here, from the state and the
     inputs before.  `mechanisms` (see Mechanisms), all if not connected, selects
-    those that the controller may use.
+    those that the controller may use.  The footstep_planner is a
+    FootstepPlanner, or FixedFootsteps if the start has some; without one, the
+    `footsteps` are an input.
 
     .. pydrake_system::
 
         name: CapturePointController
         input_ports: [foot_poses, foot_forces, icp, mechanisms, alip_icp,
-                      com_state]
-        output_ports: [walking_state, walking_signal, icp_plan, icp_reference,
+                      com_state, velocity_command]
+        output_ports: [walking_state, walking_signal, footsteps,
+                       revised_footsteps, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
                        ecmp_command, momentum_qp_status, momentum_rate]
     """
 
-    INPUTS = "foot_poses foot_forces icp alip_icp mechanisms com_state".split()
+    INPUTS = (
+        "foot_poses",
+        "foot_forces",
+        "icp",
+        "alip_icp",
+        "mechanisms",
+        "com_state",
+        "velocity_command",
+        "footsteps",
+        "revised_footsteps",
+    )
     # The blocks, with the outputs that others read.
     ROLES = {
         "walking_state_machine": "walking_state",
+        "footstep_planner": "footsteps",
         "icp_planner": "icp_plan",
         "timing_adapter": "time_adjustment",
         "step_adjuster": "adjustment",
@@ -142,9 +162,22 @@ class CapturePointController(Diagram):
         period, qp = params.control_period, params.icp_step_qp
         plan = params.atlas_icp_plan if qp else params.icp_plan
         clock = partial(planning.WalkingStateMachine, start=start)
+        footsteps = partial(
+            planning.FootstepPlanner,
+            adjuster=params.step_adjuster,
+            timing=params.timing_adapter,
+        )
+        if start is not None and start.schedule.footsteps:
+            footsteps = partial(
+                planning.FixedFootsteps,
+                footsteps=start.schedule.footsteps,
+                adjuster=params.step_adjuster,
+                timing=params.timing_adapter,
+            )
         planner = partial(planning.IcpPlanner, has_reference=not qp)
         usual: dict = {
             "walking_state_machine": (clock, params.walking_state_machine),
+            "footstep_planner": (footsteps, params.footstep_planner),
             "icp_planner": (planner, plan),
             "timing_adapter": (planning.TimingAdapter, params.timing_adapter),
         }
@@ -179,6 +212,7 @@ class BalanceController(Diagram):
                                                             whole_body_terms
     capture_point_controller  com_state, icp, alip_icp,     walking_state,
                               foot_poses, foot_forces,      momentum_rate, ...
+                              velocity_command,
                               mechanisms
     swing_foot_planner        walking_state                 swing_foot_...
                                                             reference
@@ -202,10 +236,11 @@ class BalanceController(Diagram):
     .. pydrake_system::
 
         name: BalanceController
-        input_ports: [estimated_state, foot_forces, mechanisms]
+        input_ports: [estimated_state, foot_forces, mechanisms,
+                      velocity_command]
         output_ports: [predicted_state, whole_body_terms, com_state, icp,
                        alip_icp, foot_poses, walking_state,
-                       walking_signal, icp_plan, icp_reference,
+                       walking_signal, footsteps, revised_footsteps, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
                        ecmp_command, momentum_qp_status, momentum_rate,
                        swing_foot_reference, friction, actuation,
@@ -213,7 +248,14 @@ class BalanceController(Diagram):
                        generalized_acceleration]
     """
 
-    INPUTS = ("estimated_state", "foot_forces", "mechanisms")
+    INPUTS = (
+        "estimated_state",
+        "foot_forces",
+        "mechanisms",
+        "velocity_command",
+        "footsteps",
+        "revised_footsteps",
+    )
     # The blocks, with the outputs that others read.
     ROLES = {
         "state_predictor": "predicted_state",

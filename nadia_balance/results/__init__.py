@@ -45,6 +45,7 @@ _VIEWS = {
     "icp_reference": signals.IcpReference,
     "push_signal": signals.PushSignal,
     "trunk_tilt": signals.TrunkTilt,
+    "velocity_command": signals.VelocityCommand,
     "walking_signal": signals.WalkingSignal,
     **dict.fromkeys(QP_STATUS, signals.QpStatus),
 }
@@ -95,6 +96,8 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
     last = len(t) - 1
     what = walking.phase, walking.support_side, walking.steps_taken
     changed = np.any(np.diff(np.stack(what)) != 0.0, axis=0)
+    # A transfer may follow another one: to stand, and then to a step.
+    changed |= np.diff(walking.time_in_phase) < 0.0
     edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(t)]
     return [
         PhaseSpan(

@@ -1,6 +1,10 @@
 """Where to walk and when: the walking clock, the ICP plan, its timing."""
 
+import itertools
+import logging
 import math
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from pydrake.common.value import Value
@@ -11,26 +15,45 @@ from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.plan import atlas_icp_plan, icp_plan
 from nadia_balance.core.plan import walking_state_machine as clock
-from nadia_balance.core.plan.gait import Gait, walking_start
+from nadia_balance.core.plan.footstep_plan import (
+    FootstepPlan,
+    FootstepPlannerParams,
+    velocity_limits,
+)
+from nadia_balance.core.plan.gait import (
+    Gait,
+    remaining_footsteps,
+    walking_start,
+)
 from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+)
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import declare_output, declare_plan, inputs
-from nadia_balance.systems.signals import PHASES
+from nadia_balance.systems.signals import MODES, PHASES
+
+_LOG = logging.getLogger("nadia_balance")
+_EARLY = 1e-6  # times of ticks differ by rounding [s]
 
 
 class WalkingStateMachine(LeafSystem):
     """Advances the walking state once per control period.
 
-    `time_adjustment` and `adjustment` are optional proposals.  Without an
-    adjustment the footholds are those of the plan, and the wait before
-    lift-off has no limit (`max_wait` is ignored).  `walking_state`, and the
-    same as numbers, `walking_signal`, are those before the update of a tick.
+    `footsteps` are those after the present phase.  They are read standing, on
+    the way to it, and at touchdown; not connected, the steps are those of the
+    start.  `time_adjustment`, `adjustment` and `revised_footsteps` are optional
+    proposals.  Without an adjustment the footholds are those of the plan, and
+    the wait before lift-off has no limit (`max_wait` is ignored).
+    `walking_state`, and the same as numbers, `walking_signal`, are those before
+    the update of a tick.
 
     .. pydrake_system::
 
         name: WalkingStateMachine
         input_ports: [foot_poses, foot_forces, icp, icp_plan,
-                      time_adjustment, adjustment]
+                      time_adjustment, adjustment, footsteps,
+                      revised_footsteps]
         output_ports: [walking_state, walking_signal]
     """
 
@@ -47,8 +70,11 @@ class WalkingStateMachine(LeafSystem):
         start = start or walking_start(Gait(), model)
         self._machine = clock.StateMachine(params, model, period)
         self._weight = model.mass * GRAVITY
-        names = "foot_poses foot_forces icp icp_plan"
-        self._inputs = inputs(self, names, "time_adjustment adjustment?")
+        names = "foot_poses foot_forces icp icp_plan time_adjustment"
+        optional = "adjustment? footsteps? revised_footsteps?"
+        *self._inputs, self._footsteps, self._revised = inputs(
+            self, names, optional
+        )
         self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
         state_only = [self.abstract_state_ticket(self._state)]
@@ -66,13 +92,38 @@ class WalkingStateMachine(LeafSystem):
         feet, forces, icp, plan, time, adjustment = (
             get(context) for get in self._inputs
         )
-        measured = feet, forces / self._weight, icp
+        before = self._walking_state(context)
         now = self._machine.advance(
-            self._walking_state(context),
-            *(plan, *measured, float(time[0]), adjustment),
+            before,
+            plan,
+            feet,
+            forces / self._weight,
+            icp,
+            time_gain=float(time[0]),
+            adjustment=adjustment,
+            footsteps=lambda: self._next_footsteps(context, before),
+            revised=self._revised(context),
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
+
+    def _next_footsteps(
+        self, context, state: walking.WalkingState
+    ) -> tuple[walking.Footstep, ...]:
+        """Returns the footsteps after the present phase of `state`."""
+        steps, schedule = self._footsteps(context), state.schedule
+        swings = schedule.phase is walking.Phase.SWING
+        if steps is None:  # those of the start, as nobody plans others
+            if swings:
+                return schedule.footsteps[1:]
+            now = state.remaining_time <= 1.5 * self._machine.period
+            return schedule.footsteps if now else ()
+        sides = [step.side for step in steps]
+        if any(one is other for one, other in itertools.pairwise(sides)):
+            named = ", ".join(side.value for side in sides)
+            what = f"has feet {named}: they must take turns"
+            raise self._footsteps.error(context, what)
+        return steps
 
 
 def walking_signal(state: walking.WalkingState) -> list[float]:
@@ -92,12 +143,196 @@ def walking_signal(state: walking.WalkingState) -> list[float]:
         *_planar(schedule.feet.left),
         *_planar(schedule.feet.right),
         *target,
+        float(MODES.index(state.mode)),
     ]
 
 
 def _planar(pose: walking.FootPose) -> tuple[float, float, float]:
     x, y, _ = pose.p_WF.tolist()
     return x, y, pose.yaw
+
+
+class FootstepPlanner(LeafSystem):
+    """Plans footsteps: to catch the robot, to walk as commanded, to stand.
+
+    `footsteps` are those after the present phase, () to stand; of the foot in
+    the air, as if it landed now.  `revised_footsteps` have not landed yet; they
+    follow a command that has changed, and are None otherwise.  The state is the
+    velocity of the walk (3,), which follows the `velocity_command` within
+    limits, and 1 once a command out of limits was told, to Python's log.
+
+    .. pydrake_system::
+
+        name: FootstepPlanner
+        input_ports: [walking_state, velocity_command, alip_icp,
+                      icp_plan, foot_poses, mechanisms]
+        output_ports: [footsteps, revised_footsteps]
+    """
+
+    def __init__(
+        self,
+        params: FootstepPlannerParams,
+        model: PointMassModel,
+        period: float,
+        adjuster: CaptureRegionStepAdjusterParams | None = None,
+        timing: TimingAdapterParams | None = None,
+    ):
+        """Plans for `model`, whose steps these blocks adjust, in `period`.
+
+        Raises ValueError: a parameter is out of range.
+        """
+        super().__init__()
+        adjuster = adjuster or CaptureRegionStepAdjusterParams()
+        timing = timing or TimingAdapterParams()
+        for checked in params, adjuster, timing:
+            check(checked)
+        self._planner = FootstepPlan(
+            params, model, adjuster, timing.min_swing_duration
+        )
+        self.limits = velocity_limits(params, model)
+        rates = [params.acceleration, params.acceleration]
+        self._change = period * np.array([*rates, params.yaw_acceleration])
+        names = "walking_state velocity_command alip_icp icp_plan foot_poses"
+        ports = inputs(self, names, "mechanisms")
+        self._walking, self._command, self._icp, *others = ports
+        self._plan, self._feet, self._on = others
+        self._memory = self.DeclareDiscreteState(4)
+        needs = [*ports, self.discrete_state_ticket(self._memory)]
+        declare_output(self, "footsteps", self._calc_footsteps, needs)
+        declare_output(self, "revised_footsteps", self._calc_revised, needs)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _velocity(self, context) -> np.ndarray:
+        return context.get_discrete_state(self._memory).value()[:3].copy()
+
+    def _limited(self, context) -> np.ndarray:
+        """The velocity commanded (3,), within the limits."""
+        least, most = self.limits
+        return np.clip(self._command(context), least, most)
+
+    def _update(self, context, state):
+        *velocity, told = context.get_discrete_state(self._memory).value()
+        command, wanted = self._limited(context), self._command(context)
+        if not told and not np.array_equal(command, wanted):
+            least, most = self.limits.round(2).tolist()
+            _LOG.warning(
+                "velocity_command = %s at %.2f s: must be within %s and %s, "
+                "for this robot: it is clipped",
+                np.round(wanted, 3).tolist(),
+                context.get_time(),
+                least,
+                most,
+            )
+            told = 1.0
+        walks = self._walking(context)
+        if walks.mode is walking.Mode.RECOVERING:
+            command = np.zeros(3)  # the walk begins anew when it is calm
+        change = command - velocity
+        velocity += np.clip(change, -self._change, self._change)
+        memory = state.get_mutable_discrete_state(self._memory)
+        memory.set_value([*velocity, told])
+        return EventStatus.Succeeded()
+
+    def _calc_footsteps(self, context) -> tuple[walking.Footstep, ...]:
+        state = self._walking(context)
+        reference = icp_plan.reference_of(self._plan(context), state)
+        return self._planner.footsteps(
+            state,
+            self._velocity(context),
+            self._limited(context),
+            icp=self._icp(context),
+            reference=reference.icp,
+            feet=self._feet(context),
+            on=self._on(context),
+        )
+
+    def _calc_revised(self, context) -> tuple[walking.Footstep, ...] | None:
+        state = self._walking(context)
+        if state.schedule.phase is walking.Phase.STANDING:
+            return None
+        velocity, command = self._velocity(context), self._limited(context)
+        if np.array_equal(velocity, command):
+            return None
+        return self._planner.revised(state, velocity, command)
+
+
+class FixedFootsteps(FootstepPlanner):
+    """Plans the footsteps of a list, each within reach; then as FootstepPlanner.
+
+    Their number is that of the steps taken.  `velocity_command` counts once the
+    robot stands after them.
+
+    .. pydrake_system::
+
+        name: FixedFootsteps
+        input_ports: [walking_state, velocity_command, alip_icp,
+                      icp_plan, foot_poses, mechanisms]
+        output_ports: [footsteps, revised_footsteps]
+    """
+
+    def __init__(
+        self,
+        params: FootstepPlannerParams,
+        model: PointMassModel,
+        period: float,
+        footsteps: tuple[walking.Footstep, ...] = (),
+        adjuster: CaptureRegionStepAdjusterParams | None = None,
+        timing: TimingAdapterParams | None = None,
+    ):
+        """Plans `footsteps`, see `make_footsteps`; more: see FootstepPlanner."""
+        super().__init__(params, model, period, adjuster, timing)
+        self._fixed = tuple(footsteps)
+        self._model, self._period = model, period
+
+    def _is_over(self, context) -> bool:
+        """True if no step of the list is left after the present phase."""
+        state = self._walking(context)
+        swings = state.schedule.phase is walking.Phase.SWING
+        return state.steps_taken + swings >= len(self._fixed)
+
+    def _calc_footsteps(self, context) -> tuple[walking.Footstep, ...]:
+        if self._is_over(context):
+            return super()._calc_footsteps(context)
+        state, feet = self._walking(context), self._feet(context)
+        known = self._model, self._period
+        return remaining_footsteps(self._fixed, state, feet, *known)
+
+    def _calc_revised(self, context) -> tuple[walking.Footstep, ...] | None:
+        if self._walking(context).steps_taken < len(self._fixed):
+            return None
+        return super()._calc_revised(context)
+
+
+class VelocityCommands(LeafSystem):
+    """Tells the velocity command of a list of rows, each from its time on.
+
+    The rows are (time [s], forward, left [m/s], turn [rad/s]), in order of
+    time; before the first one the command is to stand.
+
+    .. pydrake_system::
+
+        name: VelocityCommands
+        input_ports: []
+        output_ports: [velocity_command]
+    """
+
+    def __init__(self, rows: Iterable[Sequence[float]]):
+        """Raises ValueError: a row of another length, or times that fall."""
+        super().__init__()
+        rows = [tuple(map(float, row)) for row in rows]
+        for i, row in enumerate(rows):
+            what = f"rows[{i}] = {row}: must"
+            if len(row) != 4 or not np.isfinite(row).all():
+                raise ValueError(f"{what} be 4 finite numbers")
+            if row[0] < 0.0 or i and row[0] <= rows[i - 1][0]:
+                raise ValueError(f"{what} be later than the one before")
+        self._times = [row[0] - _EARLY for row in rows]
+        self._values = [np.zeros(3), *(np.array(row[1:]) for row in rows)]
+        time = [self.time_ticket()]
+        declare_output(self, "velocity_command", self._calc, time)
+
+    def _calc(self, context) -> np.ndarray:
+        return self._values[bisect_right(self._times, context.get_time())]
 
 
 class IcpPlanner(LeafSystem):

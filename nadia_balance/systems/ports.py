@@ -112,6 +112,7 @@ class Input:
 _DEFAULTS = {
     "mechanisms": walking.MECHANISMS["all_with_cross_over"],
     "time_adjustment": (0.0, 0.0),
+    "velocity_command": np.zeros(3),
 }
 _VIEWS = {"mechanisms": walking.Mechanisms.from_vector}
 # What a value depends on; None: all inputs of its block.

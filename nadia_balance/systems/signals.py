@@ -14,17 +14,18 @@ from nadia_balance.core.math.qp import QpResult
 from nadia_balance.core.plan.icp_plan import IcpPlan
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.vocabulary import Mode, Phase, Side
 from nadia_balance.core.whole_body.command import WholeBodyTerms
 
 PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)
+MODES = (Mode.STANDING, Mode.WALKING, Mode.RECOVERING)
 _ICP = "icp_x icp_y icp_velocity_x icp_velocity_y cop_x cop_y ecmp_x ecmp_y"
 _ECMP = "cop_x cop_y ecmp_x ecmp_y"
 _MOTION = "x y z vx vy vz ax ay az yaw yaw_rate yaw_acceleration"
 _STATUS = "solved fallback solves violation failures"
 _WALKING = """phase support_side time_in_phase duration waiting steps_taken
     left_x left_y left_yaw right_x right_y right_yaw
-    target_x target_y target_yaw target_side"""
+    target_x target_y target_yaw target_side mode"""
 _PUSH = "number delta_v force_x force_y force_z waiting"
 _PARTS = itertools.product(Side, ("x", "y", "z", "yaw"))
 
@@ -85,7 +86,7 @@ class SwingFootReference(namedview("SwingFootReference", _MOTION.split())):
 class WalkingSignal(namedview("WalkingSignal", _WALKING.split())):
     """The walking state as numbers, for logs.
 
-    `phase` is an index of PHASES; `support_side` and `target_side` are +1 for
+    `phase` is an index of PHASES, `mode` of MODES; `support_side` and `target_side` are +1 for
     left, -1 for right; `time_in_phase` and `duration` [s]; `left` and `right`
     are the present or last stance poses, `target` is the next foothold (NaN,
     and side 0, without one), each (x, y, yaw) in W [m], [rad].
@@ -104,6 +105,8 @@ class PushSignal(namedview("PushSignal", _PUSH.split())):
     force = entries(2, 5)
 
 
+# In the level frame between the feet [m/s], [rad/s].
+VelocityCommand = namedview("VelocityCommand", ["forward", "left", "turn"])
 FootForces = namedview("FootForces", [side.value for side in Side])
 
 
@@ -128,6 +131,7 @@ SIGNALS: dict[str, int | type] = {
     "com_state": ComState,
     "ecmp_command": EcmpCommand,
     "foot_forces": 2,  # vertical forces on the feet [N]
+    "footsteps": tuple,  # of Footstep, after the present phase; () to stand
     "foot_poses": walking.FootPoses,  # measured
     "foot_wrenches": 12,  # [tau, f] on each sole, at its centre [N m, N]
     "friction": 1,  # coefficient of the friction pyramid [-]
@@ -140,8 +144,12 @@ SIGNALS: dict[str, int | type] = {
     "momentum_rate": 3,  # of the linear momentum [N]
     "push_force": 3,  # sum of all pushes [N]
     "push_signal": PushSignal,
+    # Those that have not landed, the one in the air too; None: as they are.
+    "revised_footsteps": tuple,
     "swing_foot_reference": SwingFootReference,
     "time_adjustment": 2,  # see TimeAdjustment [s]; 0 if not connected
+    # Forward, left [m/s], turn to the left [rad/s]; 0 if not connected.
+    "velocity_command": 3,
     "walking_signal": WalkingSignal,
     "walking_state": walking.WalkingState,
     "whole_body_qp_status": QpStatus,

@@ -127,7 +127,7 @@ def walking_start(
     """
     width = model.step_width if gait.step_width is None else gait.step_width
     feet = FootPoses(
-        *(_offset(place, 0.0, 0.5 * side.sign * width, 0.0) for side in Side)
+        *(place.displaced(0.0, 0.5 * side.sign * width) for side in Side)
     )
     if model.ground is not None:
         feet = terrain.standing_on(model.ground, feet)
@@ -143,7 +143,7 @@ def walking_start(
         start=walking.ReferencePoint(centre, np.zeros(2), centre),
         final_transfer_duration=gait.final_transfer_duration,
     )
-    return walking.WalkingState(schedule, commanded=steps)
+    return walking.WalkingState(schedule)
 
 
 def middle(feet: FootPoses) -> FootPose:
@@ -153,18 +153,12 @@ def middle(feet: FootPoses) -> FootPose:
     return FootPose(0.5 * (left.p_WF + right.p_WF), left.yaw + 0.5 * turn)
 
 
-def swing_sides(gait: Gait) -> list[Side]:
-    """Returns the swing foot of each step of the `gait`."""
-    anywhere = FootPoses(walking.ORIGIN, walking.ORIGIN)
-    return [side for side, _ in _poses(gait, anywhere)]
-
-
 def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
     frame = middle(feet)
     if gait.footholds:
         for hold in gait.footholds:
             yaw = math.radians(hold.yaw_deg)
-            yield Side(hold.side), _offset(frame, hold.x, hold.y, yaw)
+            yield Side(hold.side), frame.displaced(hold.x, hold.y, yaw)
         return
     vectors = gait.steps or [gait.step] * gait.num_steps
     if vectors and vectors[-1] != StepVector():
@@ -175,14 +169,9 @@ def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
     side = Side(gait.first_swing)
     for v in vectors:
         yaw = math.radians(v.yaw_deg)
-        frame = _offset(frame, v.length, v.sideways, yaw)
-        yield side, _offset(frame, 0.0, side.sign * 0.5 * width, 0.0)
+        frame = frame.displaced(v.length, v.sideways, yaw)
+        yield side, frame.displaced(0.0, side.sign * 0.5 * width)
         side = side.other
-
-
-def _offset(frame: FootPose, x: float, y: float, yaw: float) -> FootPose:
-    xy = frame.to_world(np.array([[x, y]]))[0]
-    return FootPose(np.append(xy, frame.p_WF[2]), frame.yaw + yaw)
 
 
 def _check(
@@ -206,6 +195,29 @@ def _check(
                 f"rise_max = {reach.rise_max} m"
             )
         feet = feet.with_foot(step.side, step.pose)
+
+
+def remaining_footsteps(
+    plan: tuple[walking.Footstep, ...],
+    state: walking.WalkingState,
+    feet: FootPoses,
+    model: PointMassModel,
+    period: float,
+) -> tuple[walking.Footstep, ...]:
+    """Returns the footsteps of a fixed `plan` after the present phase.
+
+    The next ones are within reach of the measured soles `feet`, with the foot
+    in the air as if it landed now.  In the `state` before the first step,
+    there are none until this tick of `period` [s] ends the time to stand.
+    """
+    taken, landed = state.steps_taken, None
+    if state.schedule.phase is walking.Phase.SWING:
+        landed = plan[taken]
+        taken += 1
+    if state.schedule.phase is walking.Phase.STANDING:
+        if state.remaining_time > 1.5 * period:
+            return ()
+    return within_reach(plan[taken:], feet, model.reach, landed, model.ground)
 
 
 def within_reach(

@@ -1,10 +1,12 @@
 """The walking state machine, advanced once per control period.
 
-Standing -> transfer -> swing -> transfer -> ... -> standing.  The papers do not
-specify it; see also the Atlas paper, Sec. II.
+Standing -> transfer -> swing -> transfer -> ... -> standing.  Where to step is
+asked for when it is needed: standing, on the way to it, and at touchdown.  The
+papers do not specify it; see also the Atlas paper, Sec. II.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,10 +15,14 @@ import numpy as np
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.plan.gait import within_reach
 from nadia_balance.core.plan.icp_plan import IcpPlan
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPoses, Phase, WalkingState
+from nadia_balance.core.walking.vocabulary import (
+    FootPoses,
+    Footstep,
+    Phase,
+    WalkingState,
+)
 
 _HUGE = 700.0  # largest exponent: e^700 is finite [-]
 
@@ -82,35 +88,66 @@ class StateMachine:
         icp: Array,
         time_gain: float = 0.0,
         adjustment: walking.Adjustment | None = None,
+        footsteps: Callable[[], tuple[Footstep, ...]] = tuple,
+        revised: tuple[Footstep, ...] | None = None,
     ) -> WalkingState:
         """Returns the walking state one period later.
 
-        `plan` is the ICP plan of `state.schedule`: its reference at the end of
-        a phase is the start of the next plan.  Measured are the soles `feet`,
-        the normal `forces` (2,) on (left, right) as shares of the weight, and
-        the `icp` (2,) [m] in W.  The clock advances by `time_gain` [s] on top
-        of the period; it is held if that is negative.  Without an `adjustment`
-        footholds cannot be adjusted.
+        Args:
+            state: the present walking state.
+            plan: the ICP plan of its schedule.
+            feet: the measured soles.
+            forces: vertical forces (2,) [-] on them, per the robot's weight.
+            icp: the measured ICP (2,) [m] in W.
+            time_gain: time [s] by which the clock advances on top of the
+                period; it is held if that is negative.
+            adjustment: the foothold wanted; None: it cannot be adjusted.
+            footsteps: the footsteps after the present phase, called when they
+                are needed; none: the robot comes to rest.
+            revised: the footsteps that have not landed, in the place of those
+                of the schedule; none: the robot comes to rest, not while a
+                foot is in the air; None: as they are.
         """
         state = self._adjusted(state, plan, icp, adjustment)
+        if revised is not None:
+            state = self._revised(state, plan, feet, icp, revised)
         state = self._tick(state, forces, time_gain)
-        match state.schedule.phase:
-            case Phase.STANDING if state.waiting:
-                return self._start_transfer(state, plan, feet)
-            case Phase.TRANSFER if state.waiting:
-                # Without adjustment, only waiting reduces the ICP error.
-                most = self.params.lift_off.max_wait if adjustment else math.inf
-                if self.may_lift(state, plan, icp, most):
-                    return _end_transfer(state, plan, feet)
-            case Phase.SWING if (
-                state.contact_impulse > self.params.contact_impulse
-            ):
-                landed, commanded = state.commanded[:1], state.commanded[1:]
-                steps = state.steps_taken + 1
-                state = replace(state, commanded=commanded, steps_taken=steps)
-                begun = self._start_transfer(state, plan, feet, *landed)
-                return replace(begun, contact_time=state.contact_time)
+        schedule = state.schedule
+        if schedule.phase is Phase.SWING:
+            if state.contact_impulse <= self.params.contact_impulse:
+                return state
+            state = replace(state, steps_taken=state.steps_taken + 1)
+            begun = self._start_transfer(state, plan, feet, footsteps())
+            return replace(begun, contact_time=state.contact_time)
+        if not schedule.footsteps or schedule.phase is Phase.STANDING:
+            if steps := footsteps():
+                return self._start_transfer(state, plan, feet, steps)
+        if schedule.phase is Phase.TRANSFER and state.waiting:
+            # Without adjustment, only waiting reduces the ICP error.
+            most = self.params.lift_off.max_wait if adjustment else math.inf
+            if self.may_lift(state, plan, icp, most):
+                return _end_transfer(state, plan, feet)
         return state
+
+    def _revised(
+        self,
+        state: WalkingState,
+        plan: IcpPlan,
+        feet: FootPoses,
+        icp: Array,
+        steps: tuple[Footstep, ...],
+    ) -> WalkingState:
+        """Returns the state with other footsteps; durations stay as begun."""
+        schedule = state.schedule
+        if schedule.phase is Phase.STANDING or steps == schedule.footsteps:
+            return state
+        if not steps:
+            if schedule.phase is Phase.SWING:
+                return state
+            return self._start_transfer(state, plan, feet, steps)
+        time = state.time_in_phase
+        schedule = plan.moved(schedule, steps, time, icp, self.model)
+        return replace(state, schedule=schedule, adjustment=None)
 
     def _tick(
         self, state: WalkingState, forces: Array, time_gain: float
@@ -210,8 +247,9 @@ class StateMachine:
         state: WalkingState,
         plan: IcpPlan,
         feet: FootPoses,
-        landed: walking.Footstep | None = None,
+        steps: tuple[Footstep, ...],
     ) -> WalkingState:
+        """Returns the state at the start of the transfer to the first step."""
         old, model = state.schedule, self.model
         wanted = old.feet
         if old.phase is Phase.SWING:
@@ -219,17 +257,15 @@ class StateMachine:
             if model.ground and (on := model.ground.region_under(feet[side])):
                 pose = replace(pose, normal=on.unit_normal)
             wanted = wanted.with_foot(side, pose)
-        feet = _tilted(feet, wanted)
-        steps = within_reach(
-            state.commanded, feet, model.reach, landed, model.ground
-        )
-        side, duration = old.support_side.other, old.final_transfer_duration
+        side, duration = old.support_side, old.final_transfer_duration
+        if old.phase is Phase.SWING:
+            side = side.other
         if steps:
             side, duration = steps[0].side.other, steps[0].transfer_duration
         return _begin(
             state,
             plan,
-            feet,
+            _tilted(feet, wanted),
             phase=Phase.TRANSFER,
             support_side=side,
             duration=duration,
@@ -285,6 +321,4 @@ def _begin(
         start_time=0.0,
         **changes,
     )
-    return WalkingState(
-        schedule, steps_taken=state.steps_taken, commanded=state.commanded
-    )
+    return WalkingState(schedule, steps_taken=state.steps_taken)

@@ -44,6 +44,14 @@ class Phase(enum.Enum):
     SWING = "swing"  # support_side carries, the other foot is in the air
 
 
+class Mode(enum.Enum):
+    """What the robot does with its feet, as a user would say it."""
+
+    STANDING = "standing"  # no step is queued
+    WALKING = "walking"  # it steps where it was told
+    RECOVERING = "recovering"  # it steps where it must, not to fall
+
+
 def tilt(normal: Array) -> Array:
     """Returns the shortest rotation (3, 3) from vertical to `normal` (3,)."""
     x, y, z = normal.tolist()
@@ -118,6 +126,11 @@ class FootPose(Immutable):
         """Points (..., 2) [m] of W, expressed in the sole frame."""
         return np.asarray((points_W - self.p_WF[:2]) @ self.rotation)
 
+    def displaced(self, x: float, y: float, yaw: float = 0.0) -> FootPose:
+        """Returns the level frame at (x, y) [m] of F, turned by `yaw` [rad]."""
+        xy = self.to_world(np.array([[x, y]]))[0]
+        return FootPose(np.append(xy, self.p_WF[2]), self.yaw + yaw)
+
 
 ORIGIN = FootPose()
 
@@ -145,6 +158,7 @@ class Footstep(Immutable):
     pose: FootPose
     transfer_duration: float  # of the weight shift before the swing [s]
     swing_duration: float  # [s]
+    reactive: bool = False  # it catches the robot; nobody has commanded it
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,11 +239,7 @@ class Adjustment(Immutable):
 
 @dataclass(frozen=True)
 class WalkingState(Immutable):
-    """The walking clock: the schedule and the present time in it.
-
-    `commanded` are the user's footsteps that have not landed yet;
-    schedule.footsteps are the same steps with the adjusted footholds.
-    """
+    """The walking clock: the schedule and the present time in it."""
 
     schedule: ContactSchedule
     time_in_phase: float = 0.0  # [s], in [0, schedule.duration]
@@ -239,8 +249,17 @@ class WalkingState(Immutable):
     contact_impulse: float = 0.0  # of the swing foot, per weight [s]
     contact_time: float = 0.0  # of the foot that lands or has landed [s]
     steps_taken: int = 0
-    commanded: tuple[Footstep, ...] = ()
     adjustment: Adjustment | None = None  # of the next step
+
+    @property
+    def mode(self) -> Mode:
+        """The mode: that of the next step, or of the one in the air."""
+        steps = self.schedule.footsteps
+        if not steps:
+            return Mode.STANDING
+        moved = self.adjustment is not None and self.adjustment.moved
+        recovers = moved or steps[0].reactive
+        return Mode.RECOVERING if recovers else Mode.WALKING
 
     @property
     def remaining_time(self) -> float:
