@@ -34,7 +34,8 @@ from nadia_balance.typed_yaml import load_tree, load_typed
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 UNITS = ("si", "froude")
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
-STANDING = "standing"  # of set_push: at 1 s, with no steps at all
+STANDING = "standing"  # of set_push: with no steps at all, at STANDING_AT
+STANDING_AT = "1 s"
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 ENGINES = ("drake", "mujoco")
@@ -270,7 +271,8 @@ def set_push(
 ) -> None:
     """Changes what is not None in the first push of the `scenario`; checks it.
 
-    A scenario without a push gets one of `delta_v`, at AT if `at` is None.
+    A scenario without a push gets one of `delta_v`: if `at` is None, at AT, or
+    at 1 s for a robot that only stands.
     `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
     `delta_v` in [m/s]; `at` as `Push.at`, or STANDING; `shape` as `Push.shape`.
 
@@ -278,15 +280,16 @@ def set_push(
     """
     if not scenario.pushes and delta_v is None:
         raise ValueError("pushes = []: must have a push, or delta_v be given")
-    scenario.pushes = scenario.pushes or [Push(at=AT)]
+    if not scenario.pushes:
+        walks = scenario.gait.has_steps or scenario.commands
+        scenario.pushes = [Push(at=AT if walks else STANDING_AT)]
     push = scenario.pushes[0]
     if shape is not None:
         push.shape = shape
     if delta_v is not None:
         push.delta_v, push.force = delta_v, None
     if at == STANDING:
-        push.at, gait = "1 s", scenario.gait
-        gait.num_steps, gait.steps, gait.footholds = 0, [], []
+        let_stand(scenario)
     elif at is not None:
         push.at = str(Moment.parse(at))
     if direction in DIRECTIONS:
@@ -299,6 +302,13 @@ def set_push(
             which = f"must be degrees, or one of {', '.join(DIRECTIONS)}"
             raise ValueError(f"direction = {direction!r}: {which}") from None
     check(scenario)
+
+
+def let_stand(scenario: Scenario) -> None:
+    """Removes the steps and commands; the first push is at STANDING_AT."""
+    scenario.gait = Gait(step_width=scenario.gait.step_width)
+    scenario.commands = []
+    scenario.pushes[0].at = STANDING_AT
 
 
 def _merged(tree: object, over: object) -> Any:

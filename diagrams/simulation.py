@@ -1,7 +1,6 @@
 """Closed loops of scenarios, their simulation, and how a run is judged."""
 
 import contextlib
-import itertools
 import math
 import signal
 import threading
@@ -17,18 +16,32 @@ from pydrake.systems.framework import Context, EventStatus
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import Scenario, load_scenario, set_push
-from nadia_balance.policy_controller import PolicyController, PolicyParams
-from nadia_balance.results import Log, pushes
-from nadia_balance.results import signal as logged
-from nadia_balance.results.measurements import CalmSteps, LostWatch
-from nadia_balance.results.summary import STEADY, Run, RunInfo
-from nadia_balance.robot.model import RobotModel, load_robot
-from nadia_balance.systems.signals import IcpReference, PushSignal, read
+from nadia_balance.diagrams.scenario import (
+    Command,
+    Scenario,
+    load_scenario,
+    set_push,
+)
+from nadia_balance.policy_controller import PolicyController
+from nadia_balance.results.measurements import (
+    SETTLED,
+    CalmSteps,
+    LostWatch,
+    StandsWatch,
+)
+from nadia_balance.results.summary import Run, RunInfo
+from nadia_balance.robot.model import load_robot
+from nadia_balance.systems.signals import (
+    IcpReference,
+    PushSignal,
+    WalkingSignal,
+    read,
+)
 
 WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
-PATIENCE = 8  # largest number of steps of a recovery
-SETTLED = 8  # steps after which a policy walks steadily
+STEADY_STEPS = 8  # steps after which a policy walks steadily
+_SLOWEST = 0.02  # command by which a policy steps in place [m/s]
+SHOWN = 0.5  # time of standing for each step that is shown besides [s]
 _EARLY = 1e-9  # times of ticks differ by rounding [s]
 
 
@@ -53,24 +66,30 @@ def _walked_by(
 ) -> HumanoidDiagram:
     """The diagram of the policy in the file `onnx`.
 
-    It walks at the mean velocity of the gait, or stands if that has no steps.
-    Pushes in a phase of its gait are after SETTLED steps.
+    It walks by the scenario's commands, or at the mean velocity of the gait, or
+    stands if that has no steps.  Pushes in a phase of its gait are after
+    STEADY_STEPS steps.
     """
-    params, gait = PolicyParams(), scenario.gait
-    walks, step = gait.num_steps > 0, gait.step
-    time = gait.swing_duration + gait.transfer_duration
+    gait, step = scenario.gait, scenario.gait.step
+    commands = list(scenario.commands)
     if gait.steps or gait.footholds:
         raise ValueError("gait: must have num_steps with a policy")
-    way = step.length, step.sideways, math.radians(step.yaw_deg)
-    if any(way) or not walks:
-        params.command = tuple(walks * part / time for part in way)
+    if gait.num_steps:
+        time = gait.swing_duration + gait.transfer_duration
+        speeds = step.length / time, step.sideways / time
+        turn = math.radians(step.yaw_deg) / time
+        if not any((*speeds, turn)):
+            speeds = _SLOWEST, 0.0  # as all zeros are to stand
+        forward, left = speeds
+        commands = [Command(forward=forward, left=left, turn=turn)]
     robot = load_robot(scenario.robot, scenario.fidelity)
     pushes = [
-        replace(push, after_steps=max(push.after_steps, SETTLED))
+        replace(push, after_steps=max(push.after_steps, STEADY_STEPS))
         for push in scenario.pushes
     ]
-    controller = PolicyController(robot, onnx, params)
-    scenario = replace(scenario, pushes=pushes)
+    controller = PolicyController(robot, onnx)
+    gait = replace(gait, num_steps=0)
+    scenario = replace(scenario, pushes=pushes, commands=commands, gait=gait)
     return HumanoidDiagram(scenario, meshcat, controller)
 
 
@@ -133,24 +152,35 @@ class RecoveryWatch:
     """Detects, called once a tick, the recovery from all pushes.
 
     The robot has recovered after the complete steps with a small ICP error
-    that its scenario requires (see Run.summary), and `more_steps` like them.
-    Without required steps, or an ICP, only the end of the run decides.
+    that its scenario requires (see Run.summary), and `more_steps` like them; or
+    when it has stood with square feet for SETTLED, and for SHOWN of each of
+    `more_steps`.  Without pushes, with commands to come, or without an ICP,
+    only the end of the run decides.
     """
 
     def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
         self._diagram, self._calm = diagram, CalmSteps()
-        has_icp = diagram.HasOutputPort("icp")
-        calm = diagram.scenario.calm_steps if has_icp else 0
+        self._stands, scenario = StandsWatch(), diagram.scenario
+        calm = scenario.calm_steps
         self._required = calm + more_steps if calm else math.inf
+        self._standing = SETTLED + SHOWN * more_steps
+        told = [command.time for command in scenario.commands]
+        self._not_before = max(told, default=0.0)
+        if not scenario.pushes or not diagram.HasOutputPort("icp"):
+            self._not_before = math.inf
 
     def __call__(self, context: Context) -> bool:
         """True if the robot has recovered."""
-        if self._required == math.inf:
+        now = context.get_time()
+        if now < self._not_before:
             return False
         steps_taken, error = gait_and_error(self._diagram, context)
         waiting = bool(push_signal(self._diagram, context).waiting)
-        calm = self._calm.look(context.get_time(), steps_taken, error, waiting)
-        return calm >= self._required
+        calm = self._calm.look(now, steps_taken, error, waiting)
+        port = self._diagram.controller.GetOutputPort("walking_signal")
+        walking = WalkingSignal(read(port, context))
+        stood = self._stands.look(now, walking, error, waiting)
+        return calm >= self._required or stood >= self._standing
 
 
 def gait_and_error(diagram: ClosedLoop, context: Context) -> tuple[int, float]:
@@ -232,7 +262,7 @@ def advance(
     logs = diagram.read_logs(context)
     return Run(
         logs=logs,
-        info=_run_info(diagram, logs),
+        info=_run_info(diagram),
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
         missed_pushes=int(push_signal(diagram, context).waiting),
@@ -273,56 +303,19 @@ def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
         yield
 
 
-def required_calm_steps(
-    scenario: Scenario, robot: RobotModel, log: Log
-) -> tuple[int, bool]:
-    """Returns the required calm steps, and whether the run is long enough.
-
-    The number is the scenario's `calm_steps`, or one less than the steps that
-    the gait has left when the last push begins, if that is less; 0 for a robot
-    that only stands.  A run is long enough if PATIENCE steps, or all that are
-    left, end one step before the end of the run, since a push delays the steps.
-    A run without a push is judged from its start.  Without a walking signal,
-    a run is long enough that ends STEADY after the push.
-    """
-    start = scenario.start(scenario.point_mass(robot)).schedule
-    begin, taken, felt = 0.0, 0, pushes(log)
-    if "walking_signal" not in log:
-        ends = felt[-1].end if felt else 0.0
-        steps = min(scenario.calm_steps, len(start.footsteps))
-        return steps, any(log["t"][-1:] >= ends + STEADY)
-    if felt:
-        begin, row = felt[-1].start, felt[-1].first
-        taken = int(logged(log, "walking_signal", row).steps_taken)
-    left = start.footsteps[taken:]
-    required = min(scenario.calm_steps, max(len(left) - 1, 0))
-    ends = itertools.accumulate(
-        (step.transfer_duration + step.swing_duration for step in left),
-        initial=max(begin, start.duration),  # the robot stands until then
-    )
-    gait = scenario.gait
-    last = scenario.duration - gait.transfer_duration - gait.swing_duration
-    fitting = sum(end <= last + 1e-9 for end in itertools.islice(ends, 1, None))
-    return required, not required or fitting >= min(PATIENCE, len(left))
-
-
-def _run_info(diagram: ClosedLoop, log: Log) -> RunInfo:
+def _run_info(diagram: ClosedLoop) -> RunInfo:
     """The conditions of a run, by which it is judged."""
     scenario = diagram.scenario
     same = ["robot", "fidelity", "engine", "seed"]
     if scenario.fidelity == "realistic":
         same.append("max_torso_tilt_deg")
-    judged = scenario, diagram.robot, log
-    calm_steps, is_long_enough = required_calm_steps(*judged)
-    gait, policy = scenario.gait, getattr(diagram.controller, "file", "")
+    policy = getattr(diagram.controller, "file", "")
     push = scenario.pushes[0] if scenario.pushes else None
     return RunInfo(
         **{name: getattr(scenario, name) for name in same},
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
-        commanded_steps=gait.num_steps or len(gait.steps or gait.footholds),
         mechanisms=policy or scenario.mechanisms,
         plant=diagram.PLANT,
-        calm_steps=calm_steps,
-        is_long_enough=is_long_enough,
+        calm_steps=scenario.calm_steps,
     )

@@ -14,13 +14,14 @@ _PUBLIC = """
     core.body.ground Ground Region
     core.body.model PointMassModel
     core.math.daqp_solver DaqpSolver
+    core.plan.footstep_plan FootstepPlannerParams
     core.plan.gait Gait StepVector walking_start
     core.walking.push Push
     core.walking.vocabulary Adjustment FootPose FootPoses Footstep
     core.walking.vocabulary MECHANISMS Mechanisms Phase Side WalkingState
     core.whole_body.tasks Motion Task
     diagrams.humanoid HumanoidDiagram
-    diagrams.scenario Scenario load_scenario
+    diagrams.scenario Command Scenario load_scenario
     diagrams.simulation simulate
     engines.plants MujocoPlant PointMassPlant add_mujoco_plant
     policy_controller PolicyController PolicyParams
@@ -29,7 +30,8 @@ _PUBLIC = """
     systems.estimation Imu JointEncoders StateEstimator
     systems.feedback ComHeightController IcpStepController MomentumQp
     systems.hardware FootForceSensor Imperfections JointDrives StateSensor
-    systems.plan IcpPlanner TimingAdapter WalkingStateMachine
+    systems.plan FixedFootsteps FootstepPlanner IcpPlanner TimingAdapter
+    systems.plan VelocityCommands WalkingStateMachine
     systems.ports NOTHING
     systems.push_source ContactClock PushSource
     systems.signals connect

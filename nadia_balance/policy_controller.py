@@ -15,7 +15,7 @@ from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import Side
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
-from nadia_balance.systems.ports import Input
+from nadia_balance.systems.ports import Input, inputs
 
 _METADATA = "dof_names", "kp", "kd"
 _STILL = 0.01  # slower commands are to stand [m/s], [rad/s]
@@ -37,9 +37,6 @@ class PolicyParams:
     By default, that of holosoma's walking policies for the G1.
     """
 
-    # Velocity forward, to the left [m/s], and yaw rate [rad/s]: just enough to
-    # step, as all zeros are to stand.
-    command: tuple[float, float, float] = (0.02, 0.0, 0.0)
     # q_0 by joint [rad]; of joints that are not named 0.
     default_angles: dict[str, float] = field(default_factory=_g1_pose)
     action_scale: float = bounded(0.25, above=0.0)  # s [rad]
@@ -85,13 +82,14 @@ class PolicyController(LeafSystem):
     to be highest, at pi on the ground; both stay at pi while the command is to
     stand.  The clock neither knows nor follows where the feet are.
 
-    `estimated_state` is [q, v] of the robot, `actuation` (n,) [N m] in the
-    order of its actuators.  The discrete state is [a, phases] (n + 2,).
+    `estimated_state` is [q, v] of the robot, `velocity_command` (3,) forward,
+    left [m/s] and yaw rate [rad/s], 0 if not connected, `actuation` (n,) [N m]
+    in the order of its actuators.  The discrete state is [a, phases] (n + 2,).
 
     .. pydrake_system::
 
         name: PolicyController
-        input_ports: [estimated_state]
+        input_ports: [estimated_state, velocity_command]
         output_ports: [actuation]
     """
 
@@ -104,8 +102,6 @@ class PolicyController(LeafSystem):
         super().__init__()
         self.params = params = params or PolicyParams()
         check(params)
-        *velocity, yaw_rate = params.command
-        self.stands = max(math.hypot(*velocity), abs(yaw_rate)) < _STILL
         what = f"controller = {str(onnx)!r}: must"
         self.file = Path(onnx).name
         self._network = _session(Path(onnx), what)
@@ -129,6 +125,7 @@ class PolicyController(LeafSystem):
         self._actuators = np.argsort(places)  # from the policy's order
         size = plant.num_multibody_states()
         self._state = Input(self, "estimated_state", size)
+        (self._command,) = inputs(self, "velocity_command")
         first = [*np.zeros(len(names)), *_FIRST.values()]
         self._memory = self.DeclareDiscreteState(first)
         memory = self.discrete_state_ticket(self._memory)
@@ -141,27 +138,31 @@ class PolicyController(LeafSystem):
         """Returns the observation (3 n + 13,) of the tick of `context`."""
         p, state = self.params, self._state(context)
         memory = context.get_discrete_state(self._memory).value()
-        phases = self._advanced(memory[-2:])
+        phases = self._advanced(context)
         unit = state[:4] / np.linalg.norm(state[:4])
         R_BW = RotationMatrix(Quaternion(unit)).inverse()
-        *velocity, yaw_rate = p.command
+        *velocity, yaw_rate = self._command(context)
         spin, speeds = R_BW @ state[self._spin], state[self._v]
         moved, down = state[self._q] - self._q0, R_BW @ [0.0, 0.0, -1.0]
         parts = [memory[:-2], p.gyro_scale * spin, [yaw_rate, *velocity]]
         parts += [np.cos(phases), moved, p.speed_scale * speeds, down]
         return np.concatenate([*parts, np.sin(phases)])
 
-    def _advanced(self, phases: np.ndarray) -> np.ndarray:
+    def _advanced(self, context: Context) -> np.ndarray:
         """The phases (2,) of the next tick."""
-        turn = 2.0 * math.pi * self.params.period / self.params.stride
-        return np.full(2, math.pi) if self.stands else phases + turn
+        forward, left, yaw_rate = self._command(context)
+        if max(math.hypot(forward, left), abs(yaw_rate)) < _STILL:
+            return np.full(2, math.pi)
+        phases = context.get_discrete_state(self._memory).value()[-2:]
+        if np.array_equal(phases, np.full(2, math.pi)):  # it stood
+            phases = np.array([*_FIRST.values()])
+        return phases + 2.0 * math.pi * self.params.period / self.params.stride
 
     def _update(self, context: Context, state) -> EventStatus:
         seen = self.observe(context).astype(np.float32)
         action = self._network.run(None, {self._port: seen[None]})[0][0]
         most = self.params.action_limit
-        memory = context.get_discrete_state(self._memory).value()
-        after = [*np.clip(action, -most, most), *self._advanced(memory[-2:])]
+        after = [*np.clip(action, -most, most), *self._advanced(context)]
         state.get_mutable_discrete_state(self._memory).set_value(after)
         return EventStatus.Succeeded()
 

@@ -21,7 +21,12 @@ from pydrake.systems.analysis import Simulator
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams import closed_loop, live, simulation, terrain
-from nadia_balance.diagrams.scenario import SENSORS, Scenario, load_scenario
+from nadia_balance.diagrams.scenario import (
+    SENSORS,
+    Command,
+    Scenario,
+    load_scenario,
+)
 from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
@@ -104,6 +109,15 @@ def finite(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text!r}: must be a finite number")
 
 
+def velocity(text: str) -> tuple[float, ...]:
+    """Parses a velocity command: three numbers, for argparse."""
+    numbers = tuple(finite(word) for word in text.replace(",", " ").split())
+    if len(numbers) != 3:
+        why = "must be forward, left [m/s] and turn [rad/s]"
+        raise argparse.ArgumentTypeError(f"{text!r}: {why}")
+    return numbers
+
+
 def place(text: str) -> Path:
     """Parses a path; refuses an empty one, which is the present folder."""
     if not text or "\0" in text:
@@ -168,6 +182,8 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
     about = "whether it is given the state, or estimates it from noisy sensors"
     add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
     add("--mechanisms", help=MECHANISMS)
+    about = 'to walk: forward, left [m/s], turn [rad/s], such as "0.3 0 0.2"'
+    add("--command", type=velocity, metavar="V", help=about)
     about = "push.py takes the scenario of this name, if there is one"
     places = ", ".join((terrain.FLAT, *terrain.COURSES))
     add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
@@ -196,6 +212,9 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the checked scenario of the flags."""
     same = "robot fidelity engine sensors mechanisms duration seed".split()
     changes = {name: getattr(args, name) for name in same}
+    if args.command is not None:
+        forward, left, turn = args.command
+        changes["commands"] = [Command(forward=forward, left=left, turn=turn)]
     file, text = args.scenario_file, args.scenario_text
     scenario = load_scenario(args.scenario_name, file, text, **changes)
     if scenario.robot.endswith((".yaml", ".yml")):

@@ -23,7 +23,12 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Moment
-from nadia_balance.diagrams.scenario import AT, Scenario, load_scenario
+from nadia_balance.diagrams.scenario import (
+    AT,
+    STANDING,
+    Scenario,
+    load_scenario,
+)
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
@@ -78,7 +83,8 @@ def parser_of() -> command_line.CommandLine:
     about = 'degrees from the stance heading, such as "0,30,90" (0 forward, 90 '
     about += 'left; "90," for one), or how many all around'
     add("--directions", help=about)
-    about = f"when the push begins, such as {AT.replace('%', '%%')}"
+    about = f"when the push begins, such as {AT.replace('%', '%%')}, "
+    about += f'or "{STANDING}", with no steps at all'
     add("--at", help=about)
     add("--resolution", type=finite, help="of the limit [m/s]")
     add("--stride", type=int, help="of the march upward, in resolutions")
@@ -189,7 +195,10 @@ def scenario_of(args: argparse.Namespace, name: str) -> Scenario:
 
 def moments(asked: dict[str, str]) -> tuple[str, ...]:
     """Returns the moments `at` which to push; ValueError: it is none."""
-    return tuple(str(Moment.parse(text)) for text in words("at", asked))
+    return tuple(
+        text if text == STANDING else str(Moment.parse(text))
+        for text in words("at", asked)
+    )
 
 
 def directions(asked: dict[str, str]) -> tuple[float, ...]:

@@ -27,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
         "--at",
         help='when it begins: in a phase, such as "right swing 25 %%" (the '
         'right foot swings) or "left transfer 50 %%" (the left one will), at a '
-        'time, such as "2.5 s", or "standing", at 1 s, with no steps at all',
+        'time, such as "2.5 s", or "standing", at 1 s, without being told to walk',
     )
     add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
     about = "N pushes instead, in directions at random, of up to --delta-v, 1 "
@@ -42,6 +42,8 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     if args.scenario_name is None:
         has_own = args.terrain in scenario_names()
         args.scenario_name = args.terrain if has_own else "push"
+        if args.command is not None:
+            args.scenario_name = "walk_by_command"
     scenario = command_line.scenario_from(args)
     if args.live:
         return scenario

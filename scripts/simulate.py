@@ -1,9 +1,10 @@
 """Simulates any scenario, and shows and writes what happened."""
 
 import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import argparse
 import sys
 
-from nadia_balance.diagrams.scenario import scenario_names
+from nadia_balance.diagrams.scenario import Scenario, scenario_names
 from nadia_balance.scripts import command_line
 
 
@@ -14,8 +15,17 @@ def main(argv: list[str] | None = None) -> int:
     codes = f"0 stood, walked or recovered, {command_line.EXIT_CODES}"
     codes += f" Scenarios: {names}."
     parser = command_line.CommandLine(__file__, __doc__, codes)
-    command_line.scenario_flags(parser, name=None)
-    return command_line.main_job(parser, argv, command_line.scenario_from)
+    command_line.scenario_flags(parser, name="walk_by_command, with --command")
+    return command_line.main_job(parser, argv, _scenario)
+
+
+def _scenario(args: argparse.Namespace) -> Scenario:
+    """The scenario of the flags."""
+    if args.scenario_name is None:
+        if args.command is None:
+            raise ValueError("scenario_name: must be given, or --command")
+        args.scenario_name = "walk_by_command"
+    return command_line.scenario_from(args)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import numpy as np
 
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase, Side
-from nadia_balance.diagrams.scenario import AT, Scenario
+from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
@@ -62,7 +62,9 @@ class SinglePushes(Sweep):
 
         Limits between directions are interpolated; mirrored for a left swing.
         """
-        left = Moment.parse(cell.at).swing is Side.LEFT
+        left = False
+        if cell.at != STANDING:
+            left = Moment.parse(cell.at).swing is Side.LEFT
         seen = -cell.direction_deg if left else cell.direction_deg
         known = zip(*self.curve(cell.scenario).items(), strict=True)
         delta_v = self.share * float(np.interp(seen, *known, period=360.0))

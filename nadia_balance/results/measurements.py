@@ -11,14 +11,19 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results import Log, icp_error, pushes, signal, steps
+from nadia_balance.systems.signals import PHASES
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
+SETTLED = 0.5  # time below ICP_BACK of a robot that stands or walks again [s]
+# Feet of a robot that stands: one ahead of the other, and turned, by less.
+SQUARE, SQUARE_DEG = 0.1, 10.0  # [m]
+STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 # The estimator is lost when the NEES of its 9 errors, 9 on average [-], has
 # been above LOST_NEES for LOST_AFTER [s].
 ESTIMATE = "state estimated_state estimate_covariance"
 LOST_NEES, LOST_AFTER = 90.0, 0.2
-_SETTLED = 1.0  # errors of the estimate count from here on [s]
+_INITIAL = 1.0  # errors of the estimate count from here on [s]
 
 
 class CalmSteps:
@@ -36,6 +41,41 @@ class CalmSteps:
         if pushed or not error < ICP_BACK:
             self.since, self.taken = time, steps_taken
         return max(steps_taken - self.taken - 1, 0)
+
+
+class StandsWatch:
+    """Tells, tick by tick, for how long the robot has stood, feet square.
+
+    It does with a small ICP error after the last push, in the phase STANDING.
+    """
+
+    _since = math.inf  # [s]
+
+    def look(self, time: float, walking: Any, error: float, pushed: Any) -> float:
+        """Returns the time [s] it has stood; `walking` is a WalkingSignal."""
+        stands = bool(walking.phase == STANDS) and is_square(walking)
+        if pushed or not error < ICP_BACK or not stands:
+            self._since = math.inf
+            return 0.0
+        self._since = min(self._since, time)
+        return time - self._since
+
+
+def is_square(walking: Any) -> bool:
+    """True if the feet of a WalkingSignal, in one row, are side by side."""
+    x, y, yaw = walking.right - walking.left
+    heading = walking.left[2] + 0.5 * math.remainder(yaw, math.tau)
+    ahead = x * math.cos(heading) + y * math.sin(heading)
+    turned = math.degrees(math.remainder(yaw, math.tau))
+    return abs(ahead) < SQUARE and abs(turned) < SQUARE_DEG
+
+
+def stands_square(log: Log) -> bool:
+    """True if the robot stands at the end; on regions of ground, anywhere."""
+    walking = signal(log, "walking_signal", -1)
+    if walking.phase != STANDS:
+        return False
+    return "ground" in log or is_square(walking)
 
 
 def calm_steps(log: Log) -> int:
@@ -261,7 +301,7 @@ def lost_at(log: Log) -> float | None:
 
 def measure_estimate(log: Log) -> dict[str, float] | None:
     """Errors of the estimate after the start; None for a run that short."""
-    late = log["t"] >= _SETTLED
+    late = log["t"] >= _INITIAL
     if not late.any():
         return None
     error = estimation_errors(log)[late]

@@ -207,6 +207,4 @@ def _tell_outcome(log: Log, summary: dict, end: float) -> str:
         taken = signal(log, "walking_signal").steps_taken
         row = min(np.searchsorted(log["t"], end), len(taken) - 1)
         return recovery_words(int(taken[row] - taken[pushed[-1].first]))
-    if count == summary["commanded_steps"] + 1 > 1:
-        return f"WALKED {count - 1} steps, and one to bring the feet together"
     return f"WALKED {count} steps" if count else "STOOD"

@@ -9,19 +9,22 @@ from typing import Any
 import numpy as np
 
 import nadia_balance.results as logs
-from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import Log, icp_error, pushes, signal
 from nadia_balance.results import measurements as measured
-from nadia_balance.results.measurements import ICP_BACK, largest
-from nadia_balance.systems.signals import PHASES
+from nadia_balance.results.measurements import (
+    ICP_BACK,
+    SETTLED,
+    STANDS,
+    largest,
+)
 from nadia_balance.systems.whole_body import GIVES_UP_AFTER
 
-SETTLED = 0.5  # time below ICP_BACK at the end of a run without steps [s]
+PATIENCE = 8  # largest number of steps of a recovery [-]
+PATIENCE_TIME = 5.0  # for a robot that stands to settle after a push [s]
 STEADY = 2.0  # time of steps at the end, to walk on without an ICP [s]
 EFFORT_MARGIN = 1e-6  # rounding tolerated above a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot tolerated above a joint's speed limit [-]
 ROUNDING = 1e-6  # of times [s]
-STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +41,7 @@ class RunInfo:
     # Direction (0 forward, 90 left) and size [m/s] of the first push.
     direction_deg: float | None = None
     delta_v: float | None = None
-    commanded_steps: int = 0  # by the gait, without the one that closes it
     calm_steps: int = 0  # complete steps with small ICP error to recover
-    is_long_enough: bool = True  # the run has time for a recovery
     max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
 
 
@@ -74,7 +75,7 @@ class Run:
         measurements = measured.measure(log)
         duration = measurements["duration_s"] or 0.0  # None without rows
         recovery_time = measured.recovery_time(log) if recovered else None
-        criteria = "calm_steps", "is_long_enough", "max_torso_tilt_deg"
+        criteria = "calm_steps", "max_torso_tilt_deg"
         summary = {
             "outcome": outcome,
             "recovered": recovered,
@@ -109,7 +110,7 @@ def _judge(run: Run) -> tuple[str, str]:
         return "undecided", reason
     if not (reason := _shortfall(run)):
         return "recovered", ""
-    if run.info.is_long_enough:
+    if _had_time(run):
         return "failed", reason
     return "undecided", f"too short: {reason}"
 
@@ -152,17 +153,45 @@ def _shortfall(run: Run) -> str:
     """The criterion of recovery that is not met at the end; empty if none."""
     log, required = run.logs, run.info.calm_steps
     if "icp" not in log:
-        late = sum(time > log["t"][-1] - STEADY for time in logs.landings(log))
-        walks = late > 1 or not required
-        return "" if walks else f"it did not step in the last {STEADY:g} s"
+        return _policy_shortfall(log)
     if required and measured.calm_steps(log) >= required:
         return ""
     shortfall = f"the ICP error did not stay below {ICP_BACK} m"
-    walks = signal(log, "walking_signal", -1).phase != STANDS
-    if required and walks:
+    stands = signal(log, "walking_signal", -1).phase == STANDS
+    if required and not stands:
         return f"{shortfall} for {required} whole steps"
     settled = log["t"] >= log["t"][-1] - SETTLED
-    return "" if np.all(icp_error(log)[settled] < ICP_BACK) else shortfall
+    if not np.all(icp_error(log)[settled] < ICP_BACK):
+        return shortfall
+    if stands and not measured.stands_square(log):
+        return "it stands, but its feet are not side by side"
+    return ""
+
+
+def _policy_shortfall(log: Log) -> str:
+    """That of a robot without an ICP: it steps, if it is told to."""
+    moves = log.get("velocity_command", np.zeros((1, 3)))[-1].any()
+    late = sum(time > log["t"][-1] - STEADY for time in logs.landings(log))
+    if late > 1 or not moves:
+        return ""
+    return f"it did not step in the last {STEADY:g} s"
+
+
+def _had_time(run: Run) -> bool:
+    """True if a robot that recovers would have, by the end of the run.
+
+    It has taken PATIENCE steps since the last push, or since the start; or it
+    does not walk, and had PATIENCE_TIME.
+    """
+    log = run.logs
+    last = pushes(log)[-1:]
+    begin = last[0].end if last else 0.0
+    left = log["t"][-1] - begin
+    if "icp" not in log:
+        return bool(left >= STEADY)
+    taken = sum(time > begin for time in logs.landings(log))
+    walks = signal(log, "walking_signal", -1).phase != STANDS
+    return taken >= PATIENCE or bool(not walks and left >= PATIENCE_TIME)
 
 
 def _overload(log: Log) -> str:

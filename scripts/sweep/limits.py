@@ -11,7 +11,7 @@ from typing import Any
 
 from nadia_balance.core.walking import vocabulary
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import AT, Scenario
+from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
 from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
@@ -143,7 +143,8 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
     records, assumptions = [], set()
     for one in situations:
         limits = limits_of(scenarios[one[0]], one)
-        assumptions.add(limits[0].assumptions)
+        if limits:
+            assumptions.add(limits[0].assumptions)
         for name in mechanisms:
             on = [replace(limit, on=vocabulary.NAMED[name]) for limit in limits]
             for direction in sorted({cell.direction_deg for cell in groups}):
@@ -166,10 +167,9 @@ def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
 
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
-    others = (
-        paper.get(cell.mechanisms, {}).get(cell.direction_deg),
-        *(limit.largest_push(cell.direction_deg) for limit in limits),
-    )
+    others = [paper.get(cell.mechanisms, {}).get(cell.direction_deg)]
+    others += [limit.largest_push(cell.direction_deg) for limit in limits]
+    others += [None] * (len(OTHERS) - len(others))
     return {
         **cell._asdict(),
         "trials": len(rows),
@@ -181,11 +181,15 @@ def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
 
 def limits_of(
     scenario: Scenario, situation: Situation
-) -> tuple[LipmLimit, LipmLimit, LipmLimit]:
+) -> tuple[LipmLimit, ...]:
     """Returns the limits of a point mass at its push, see OTHERS.
+
+    None for a robot that stands: which foot it will lift is not known.
 
     Raises ValueError: the push is not within the walk.
     """
+    if situation[1] == STANDING:
+        return ()
     scenario = copy.deepcopy(scenario)
     scenario.engine, scenario.sensors = "drake", "perfect"
     robot = load_robot(scenario.robot, scenario.fidelity)
@@ -212,13 +216,14 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
 
     Raises ValueError: the push is not within the walk.
     """
-    most: dict[Situation, LipmLimit] = {}
+    limits: dict[Situation, tuple[LipmLimit, ...]] = {}
     first = {}
     for cell in sweep.cells():
-        if (one := cell[:2]) not in most:
-            most[one] = limits_of(sweep.scenarios[one[0]], one)[1]
-        limit = replace(most[one], on=vocabulary.NAMED[cell.mechanisms])
-        first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
+        if (one := cell[:2]) not in limits:
+            limits[one] = limits_of(sweep.scenarios[one[0]], one)
+        for with_hips in limits[one][1:2]:
+            limit = replace(with_hips, on=vocabulary.NAMED[cell.mechanisms])
+            first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 
 

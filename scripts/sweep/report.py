@@ -90,7 +90,8 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
 
 def report_text(limits: LimitTable, rows: Rows) -> str:
     """Returns the text of tables.md."""
-    notes = _NOTES.format("; or ".join(limits.assumptions)).replace("\n", " ")
+    assumed = "; or ".join(limits.assumptions) or "a robot that steps already"
+    notes = _NOTES.format(assumed).replace("\n", " ")
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)

@@ -18,7 +18,12 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.walking.vocabulary import MECHANISMS
-from nadia_balance.diagrams.scenario import AT, Scenario
+from nadia_balance.diagrams.scenario import (
+    AT,
+    STANDING,
+    Scenario,
+    let_stand,
+)
 from nadia_balance.scripts.sweep import Cell, Results, Trial, digest, of_process
 
 
@@ -100,14 +105,17 @@ class Sweep:
         if self.plant == "lipm":
             period = scenario.lipm_period
         push.delta_v, push.force, push.direction_deg = 0.0, None, 0.0
-        push.at = cell.at
+        if cell.at == STANDING:
+            let_stand(scenario)
+        else:
+            push.at = cell.at
         push.delay += (replica % 2) * period
         return scenario
 
     def identity(self) -> dict:
         """Returns what all trials of a folder share, as JSON: no cells."""
         # The walks, without what differs between the cells.
-        walks = (self.walk(Cell(n, "", "", 0.0), 0) for n in self.scenarios)
+        walks = (self.walk(Cell(n, AT, "", 0.0), 0) for n in self.scenarios)
         common = [yaml_dump_typed(walk).encode() for walk in walks]
         return {
             "robot": self.one.robot,

@@ -72,6 +72,11 @@ class Gait:
     )
     final_transfer_duration: float = bounded(0.8, least=0.02, most=10, unit="s")
 
+    @property
+    def has_steps(self) -> bool:
+        """True if it has any step."""
+        return bool(self.num_steps or self.steps or self.footholds)
+
     def validate_more(self) -> None:
         """Raises ValueError if the steps contradict each other."""
         given = [self.num_steps > 0, bool(self.steps), bool(self.footholds)]
