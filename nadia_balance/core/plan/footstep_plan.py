@@ -45,6 +45,8 @@ class FootstepPlannerParams:
     initial_transfer_duration: float = bounded(
         0.6, least=0.02, most=10.0, unit="s"
     )
+    # Least share of these durations, for commands that need shorter steps.
+    least_share: float = bounded(0.6, above=0.0, most=1.0)
     num_steps: int = bounded(4, least=1, most=10)  # queued by command
     # Limits of the change of speed.
     acceleration: float = bounded(0.6, above=0.0, unit="m/s^2")
@@ -84,8 +86,11 @@ class Capture:
 
     @property
     def cost(self) -> tuple[float, ...]:
-        """The numbers to compare."""
-        return self.steps, self.gap, self.crosses, self.time
+        """The numbers to compare.
+
+        Crossing counts as a step: the next foot has to come round this one.
+        """
+        return self.steps + self.crosses, self.gap, self.crosses, self.time
 
 
 def velocity_limits(
@@ -93,14 +98,41 @@ def velocity_limits(
 ) -> Array:
     """Returns the limits (2, 3) of a velocity command: least, most.
 
-    They are those of forward, left [m/s] and turn [rad/s], each alone: a step
-    is within `share_of_reach` of the base region, and its foot, which moves by
-    two steps, is there within that share of the swing.
+    They are those of forward, left [m/s] and turn [rad/s], each alone, of steps
+    as planned or as short as `least_share`.
+    """
+    slow, fast = (
+        _limits(params, model, share) for share in (1.0, params.least_share)
+    )
+    most = np.maximum(slow, fast)
+    return np.array([-most[1], most[0]])
+
+
+def pace(
+    params: FootstepPlannerParams, model: PointMassModel, velocity: Array
+) -> float:
+    """Returns the share [-] of their durations that steps take at `velocity`.
+
+    1, or less if it is too fast for the reach in steps as long as planned.
+    """
+    limits = _limits(params, model, 1.0)
+    ahead = np.where(velocity > 0.0, limits[0], limits[1])
+    share = float(np.min(ahead / np.maximum(np.abs(velocity), _STILL)))
+    return min(max(share, params.least_share), 1.0)
+
+
+def _limits(
+    params: FootstepPlannerParams, model: PointMassModel, pace: float
+) -> Array:
+    """Returns the largest speeds (2, 3), forwards and backwards, of a pace.
+
+    A step is within `share_of_reach` of the base region, and its foot, which
+    moves by two steps, is there within that share of the swing.
     """
     reach, share = model.reach, params.share_of_reach
-    time = params.swing_duration + params.transfer_duration
+    time = pace * (params.swing_duration + params.transfer_duration)
     detour = model.detour
-    left = share * params.swing_duration - detour.settling
+    left = share * pace * params.swing_duration - detour.settling
     # time_from_rest, solved for the length.
     way = min(
         left * detour.max_speed, 0.25 * detour.max_acceleration * left * left
@@ -108,11 +140,18 @@ def velocity_limits(
     way = max(way, 0.0)
     ahead = min(share * reach.length_forward, 0.5 * way)
     back = min(share * reach.length_backward, 0.5 * way)
-    aside = min(share * (reach.width_max - model.step_width), way)
+    aside = share * (reach.width_max - model.step_width)
+    aside = 0.5 * min(aside + room_inside(model), way)
     turn = math.radians(params.max_turn_deg)
-    most = [ahead / time, 0.5 * aside / time, turn / time]
-    least = [-back / time, -0.5 * aside / time, -turn / time]
-    return np.array([least, most])
+    return np.array([[ahead, aside, turn], [back, aside, turn]]) / time
+
+
+def room_inside(model: PointMassModel) -> float:
+    """Returns the way [m] by which feet may come closer than side by side.
+
+    It is half of the room that the reach has for it.
+    """
+    return 0.5 * max(model.step_width - model.reach.width_min, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,30 +336,34 @@ class FootstepPlan:
         """Returns the next steps by command, the first one of `side`.
 
         Each takes the frame between the feet on by v T, with the `velocity` v
-        at its landing, on its way to the `command`.  The foot that leads aside
-        takes all of the lateral way of two steps, so that the other one need
-        not come closer than side by side.  A step without ground ends them.
+        at its landing, on its way to the `command`.  Of the lateral way of two
+        steps the foot that leads takes what the other one leaves, which comes
+        closer only by half of the room that the reach has for it.  A step
+        without ground ends them.
         """
         p, half = self.params, 0.5 * self.model.step_width
-        time = p.swing_duration + p.transfer_duration
-        frame = stance.displaced(0.0, side.sign * half)
-        transfer = p.transfer_duration
+        room = room_inside(self.model)
+        share = pace(p, self.model, self.after_step(velocity, command))
+        transfer, swing = share * p.transfer_duration, share * p.swing_duration
+        time, before = transfer + swing, transfer
         if starts:
-            transfer = p.initial_transfer_duration
+            before = p.initial_transfer_duration
+        frame = stance.displaced(0.0, side.sign * half)
         steps: list[Footstep] = []
         for _ in range(p.num_steps):
             velocity = self.after_step(velocity, command)
             x, y, turn = (time * velocity).tolist()
-            aside = 2.0 * y if side.sign * y > 0.0 else 0.0
+            closer = math.copysign(min(abs(y), room), y)
+            aside = 2.0 * y - closer if side.sign * y > 0.0 else closer
             frame = frame.displaced(x, aside, turn)
             wanted = frame.displaced(0.0, side.sign * half)
             pose = self._placed(wanted, stance, side)
             if pose is None:
                 break
-            steps.append(Footstep(side, pose, transfer, p.swing_duration))
+            steps.append(Footstep(side, pose, before, swing))
             if not np.any(np.abs(velocity) > _STILL):
                 break  # the feet are side by side
-            transfer = p.transfer_duration
+            before = transfer
             stance, side = pose, side.other
         return tuple(steps)
 
