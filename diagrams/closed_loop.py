@@ -14,6 +14,7 @@ from pydrake.systems import framework
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
 from nadia_balance.core.body.reachability import step_regions
+from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
@@ -49,6 +50,21 @@ class ClosedLoop(framework.Diagram):
         self.scenario = scenario
         self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
         self._ground = scenario.terrain.ground(robot.sole, robot.params.size)
+
+    def remarks(self) -> list[str]:
+        """What a user should know of the robot, and of commands it cannot do."""
+        told = list(self.robot.remarks)
+        params = self.scenario.controller.footstep_planner
+        least, most = velocity_limits(params, self.robot.point_mass)
+        for i, row in enumerate(self.scenario.commands):
+            wanted = np.array([row.forward, row.left, row.turn])
+            if np.array_equal(can := np.clip(wanted, least, most), wanted):
+                continue
+            told.append(
+                f"commands[{i}] = {wanted.round(3).tolist()}: is more than it "
+                f"can walk, {can.round(3).tolist()} is taken"
+            )
+        return told
 
     def _connect_sources(
         self,

@@ -246,7 +246,7 @@ def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:
                 simulator = simulation.start(diagram)
                 folder = new_folder(args.out, args.scenario_name, pages.FILES)
                 folder = held.enter_context(folder)
-        say(*(f"robot: {remark}" for remark in diagram.robot.remarks))
+        say(*(f"robot: {remark}" for remark in diagram.remarks()))
         if args.live:
             return _live(diagram, meshcat, args)
         return _run(simulator, meshcat, folder, args)

@@ -1,7 +1,7 @@
 """Where to walk and when: the walking clock, the ICP plan, its timing."""
 
+import functools
 import itertools
-import logging
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -33,7 +33,6 @@ from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.systems.ports import declare_output, declare_plan, inputs
 from nadia_balance.systems.signals import MODES, PHASES
 
-_LOG = logging.getLogger("nadia_balance")
 _EARLY = 1e-6  # times of ticks differ by rounding [s]
 
 
@@ -92,33 +91,24 @@ class WalkingStateMachine(LeafSystem):
         feet, forces, icp, plan, time, adjustment = (
             get(context) for get in self._inputs
         )
-        before = self._walking_state(context)
         now = self._machine.advance(
-            before,
+            self._walking_state(context),
             plan,
             feet,
             forces / self._weight,
             icp,
             time_gain=float(time[0]),
             adjustment=adjustment,
-            footsteps=lambda: self._next_footsteps(context, before),
+            footsteps=functools.partial(self._next_footsteps, context),
             revised=self._revised(context),
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
 
-    def _next_footsteps(
-        self, context, state: walking.WalkingState
-    ) -> tuple[walking.Footstep, ...]:
-        """Returns the footsteps after the present phase of `state`."""
-        steps, schedule = self._footsteps(context), state.schedule
-        swings = schedule.phase is walking.Phase.SWING
-        if steps is None:  # those of the start, as nobody plans others
-            if swings:
-                return schedule.footsteps[1:]
-            now = state.remaining_time <= 1.5 * self._machine.period
-            return schedule.footsteps if now else ()
-        sides = [step.side for step in steps]
+    def _next_footsteps(self, context) -> tuple[walking.Footstep, ...] | None:
+        """Returns the footsteps of the port, whose feet take turns."""
+        steps = self._footsteps(context)
+        sides = [step.side for step in steps or ()]
         if any(one is other for one, other in itertools.pairwise(sides)):
             named = ", ".join(side.value for side in sides)
             what = f"has feet {named}: they must take turns"
@@ -158,8 +148,8 @@ class FootstepPlanner(LeafSystem):
     `footsteps` are those after the present phase, () to stand; of the foot in
     the air, as if it landed now.  `revised_footsteps` have not landed yet; they
     follow a command that has changed, and are None otherwise.  The state is the
-    velocity of the walk (3,), which follows the `velocity_command` within
-    limits, and 1 once a command out of limits was told, to Python's log.
+    velocity of the walk (3,), which follows the `velocity_command`, clipped to
+    the robot's `limits` (see velocity_limits).
 
     .. pydrake_system::
 
@@ -196,14 +186,14 @@ class FootstepPlanner(LeafSystem):
         ports = inputs(self, names, "mechanisms")
         self._walking, self._command, self._icp, *others = ports
         self._plan, self._feet, self._on = others
-        self._memory = self.DeclareDiscreteState(4)
+        self._memory = self.DeclareDiscreteState(3)
         needs = [*ports, self.discrete_state_ticket(self._memory)]
         declare_output(self, "footsteps", self._calc_footsteps, needs)
         declare_output(self, "revised_footsteps", self._calc_revised, needs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _velocity(self, context) -> np.ndarray:
-        return context.get_discrete_state(self._memory).value()[:3].copy()
+        return context.get_discrete_state(self._memory).value().copy()
 
     def _limited(self, context) -> np.ndarray:
         """The velocity commanded (3,), within the limits."""
@@ -211,26 +201,11 @@ class FootstepPlanner(LeafSystem):
         return np.clip(self._command(context), least, most)
 
     def _update(self, context, state):
-        *velocity, told = context.get_discrete_state(self._memory).value()
-        command, wanted = self._limited(context), self._command(context)
-        if not told and not np.array_equal(command, wanted):
-            least, most = self.limits.round(2).tolist()
-            _LOG.warning(
-                "velocity_command = %s at %.2f s: must be within %s and %s, "
-                "for this robot: it is clipped",
-                np.round(wanted, 3).tolist(),
-                context.get_time(),
-                least,
-                most,
-            )
-            told = 1.0
-        walks = self._walking(context)
-        if walks.mode is walking.Mode.RECOVERING:
+        velocity, command = self._velocity(context), self._limited(context)
+        if self._walking(context).mode is walking.Mode.RECOVERING:
             command = np.zeros(3)  # the walk begins anew when it is calm
-        change = command - velocity
-        velocity += np.clip(change, -self._change, self._change)
-        memory = state.get_mutable_discrete_state(self._memory)
-        memory.set_value([*velocity, told])
+        velocity += np.clip(command - velocity, -self._change, self._change)
+        state.get_mutable_discrete_state(self._memory).set_value(velocity)
         return EventStatus.Succeeded()
 
     def _calc_footsteps(self, context) -> tuple[walking.Footstep, ...]:

@@ -24,6 +24,7 @@ from nadia_balance.core.walking.vocabulary import (
     WalkingState,
 )
 
+_NOBODY = type(None)  # plans footsteps: a call returns None
 _HUGE = 700.0  # largest exponent: e^700 is finite [-]
 
 
@@ -88,7 +89,7 @@ class StateMachine:
         icp: Array,
         time_gain: float = 0.0,
         adjustment: walking.Adjustment | None = None,
-        footsteps: Callable[[], tuple[Footstep, ...]] = tuple,
+        footsteps: Callable[[], tuple[Footstep, ...] | None] = _NOBODY,
         revised: tuple[Footstep, ...] | None = None,
     ) -> WalkingState:
         """Returns the walking state one period later.
@@ -103,11 +104,18 @@ class StateMachine:
                 period; it is held if that is negative.
             adjustment: the foothold wanted; None: it cannot be adjusted.
             footsteps: the footsteps after the present phase, called when they
-                are needed; none: the robot comes to rest.
+                are needed; (): the robot comes to rest.  None: those of the
+                schedule, from its start on.
             revised: the footsteps that have not landed, in the place of those
-                of the schedule; none: the robot comes to rest, not while a
-                foot is in the air; None: as they are.
+                of the schedule; (): the robot comes to rest, not while a
+                foot is in the air.  None: as they are.
         """
+
+        def following() -> tuple[Footstep, ...]:
+            steps = footsteps()
+            return self._scheduled(before) if steps is None else steps
+
+        before = state
         state = self._adjusted(state, plan, icp, adjustment)
         if revised is not None:
             state = self._revised(state, plan, feet, icp, revised)
@@ -117,10 +125,10 @@ class StateMachine:
             if state.contact_impulse <= self.params.contact_impulse:
                 return state
             state = replace(state, steps_taken=state.steps_taken + 1)
-            begun = self._start_transfer(state, plan, feet, footsteps())
+            begun = self._start_transfer(state, plan, feet, following())
             return replace(begun, contact_time=state.contact_time)
         if not schedule.footsteps or schedule.phase is Phase.STANDING:
-            if steps := footsteps():
+            if steps := following():
                 return self._start_transfer(state, plan, feet, steps)
         if schedule.phase is Phase.TRANSFER and state.waiting:
             # Without adjustment, only waiting reduces the ICP error.
@@ -128,6 +136,14 @@ class StateMachine:
             if self.may_lift(state, plan, icp, most):
                 return _end_transfer(state, plan, feet)
         return state
+
+    def _scheduled(self, state: WalkingState) -> tuple[Footstep, ...]:
+        """Returns the footsteps of the schedule after the present phase."""
+        schedule = state.schedule
+        if schedule.phase is Phase.SWING:
+            return schedule.footsteps[1:]
+        due = state.remaining_time <= 1.5 * self.period
+        return schedule.footsteps if due else ()
 
     def _revised(
         self,
