@@ -46,13 +46,16 @@ class FootstepPlannerParams:
         0.6, least=0.02, most=10.0, unit="s"
     )
     # Least share of these durations, for commands that need shorter steps.
-    least_share: float = bounded(0.6, above=0.0, most=1.0)
+    least_share: float = bounded(0.45, above=0.0, most=1.0)
     num_steps: int = bounded(4, least=1, most=10)  # queued by command
     # Limits of the change of speed.
     acceleration: float = bounded(0.6, above=0.0, unit="m/s^2")
     yaw_acceleration: float = bounded(1.5, above=0.0, unit="rad/s^2")
     # Share of the reach, and of the time of a swing, that commands may use.
     share_of_reach: float = bounded(0.9, above=0.0, most=1.0)
+    # That of the width beyond side by side: from farther apart, the trunk has
+    # to help a foot in.
+    share_of_width: float = bounded(0.6, above=0.0, most=1.0)
     # Largest turn of a foot to the other one by command.
     max_turn_deg: float = bounded(40.0, above=0.0, most=90.0, unit="deg")
     # Share of a swing in which its foothold follows the command.
@@ -140,7 +143,7 @@ def _limits(
     way = max(way, 0.0)
     ahead = min(share * reach.length_forward, 0.5 * way)
     back = min(share * reach.length_backward, 0.5 * way)
-    aside = share * (reach.width_max - model.step_width)
+    aside = params.share_of_width * (reach.width_max - model.step_width)
     aside = 0.5 * min(aside + room_inside(model), way)
     turn = math.radians(params.max_turn_deg)
     return np.array([[ahead, aside, turn], [back, aside, turn]]) / time

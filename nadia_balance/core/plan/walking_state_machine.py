@@ -104,18 +104,12 @@ class StateMachine:
                 period; it is held if that is negative.
             adjustment: the foothold wanted; None: it cannot be adjusted.
             footsteps: the footsteps after the present phase, called when they
-                are needed; (): the robot comes to rest.  None: those of the
-                schedule, from its start on.
+                are needed; (): the robot comes to rest; None: they are those of
+                the schedule, from its start on.
             revised: the footsteps that have not landed, in the place of those
                 of the schedule; (): the robot comes to rest, not while a
                 foot is in the air.  None: as they are.
         """
-
-        def following() -> tuple[Footstep, ...]:
-            steps = footsteps()
-            return self._scheduled(before) if steps is None else steps
-
-        before = state
         state = self._adjusted(state, plan, icp, adjustment)
         if revised is not None:
             state = self._revised(state, plan, feet, icp, revised)
@@ -125,10 +119,11 @@ class StateMachine:
             if state.contact_impulse <= self.params.contact_impulse:
                 return state
             state = replace(state, steps_taken=state.steps_taken + 1)
-            begun = self._start_transfer(state, plan, feet, following())
+            steps = _following(state, footsteps())
+            begun = self._start_transfer(state, plan, feet, steps)
             return replace(begun, contact_time=state.contact_time)
         if not schedule.footsteps or schedule.phase is Phase.STANDING:
-            if steps := following():
+            if steps := _following(state, footsteps()):
                 return self._start_transfer(state, plan, feet, steps)
         if schedule.phase is Phase.TRANSFER and state.waiting:
             # Without adjustment, only waiting reduces the ICP error.
@@ -136,14 +131,6 @@ class StateMachine:
             if self.may_lift(state, plan, icp, most):
                 return _end_transfer(state, plan, feet)
         return state
-
-    def _scheduled(self, state: WalkingState) -> tuple[Footstep, ...]:
-        """Returns the footsteps of the schedule after the present phase."""
-        schedule = state.schedule
-        if schedule.phase is Phase.SWING:
-            return schedule.footsteps[1:]
-        due = state.remaining_time <= 1.5 * self.period
-        return schedule.footsteps if due else ()
 
     def _revised(
         self,
@@ -287,6 +274,18 @@ class StateMachine:
             duration=duration,
             footsteps=steps,
         )
+
+
+def _following(
+    state: WalkingState, footsteps: tuple[Footstep, ...] | None
+) -> tuple[Footstep, ...]:
+    """Returns the `footsteps` after a phase; None: those of the schedule."""
+    if footsteps is not None:
+        return footsteps
+    schedule = state.schedule
+    if schedule.phase is Phase.SWING:
+        return schedule.footsteps[1:]
+    return schedule.footsteps if state.waiting else ()
 
 
 def _size(
