@@ -51,7 +51,9 @@ class StandsWatch:
 
     _since = math.inf  # [s]
 
-    def look(self, time: float, walking: Any, error: float, pushed: Any) -> float:
+    def look(
+        self, time: float, walking: Any, error: float, pushed: Any
+    ) -> float:
         """Returns the time [s] it has stood; `walking` is a WalkingSignal."""
         stands = bool(walking.phase == STANDS) and is_square(walking)
         if pushed or not error < ICP_BACK or not stands:

@@ -85,7 +85,7 @@ class Capture:
     steps: int  # that capture the ICP; one more than are tried: none does
     gap: float  # of the reach from the capture region [m]; 0 if it is captured
     crosses: bool  # the legs
-    time: float  # until touchdown [s]
+    time: float  # of the foot's way, to the millisecond [s]
 
     @property
     def cost(self) -> tuple[float, ...]:
@@ -241,7 +241,9 @@ class FootstepPlan:
         captures = {
             side: self.capture(schedule, side, feet, icp, on) for side in sides
         }
-        side = min(sides, key=lambda side: captures[side].cost)
+        # Of equal feet, that with less weight by the plan.
+        swings = schedule.support_side.other
+        side = min(sides, key=lambda s: (captures[s].cost, s is not swings))
         return self.caught(side, feet[side.other])[: captures[side].steps]
 
     def revised(
@@ -278,7 +280,9 @@ class FootstepPlan:
         """True for a difference within the adjuster's dead band."""
         away = math.dist(one.p_WF[:2], two.p_WF[:2])
         turn = math.remainder(one.yaw - two.yaw, math.tau)
-        return away + abs(turn) * self.model.step_width < self.adjuster.dead_band
+        return (
+            away + abs(turn) * self.model.step_width < self.adjuster.dead_band
+        )
 
     def leaves(self, feet: FootPoses, icp: Array) -> bool:
         """True if the ICP (2,) [m] is outside of what both soles hold."""
@@ -456,7 +460,9 @@ class FootstepPlan:
                 crosses = reach.reach != BASE
                 steps_needed = number if gap == 0.0 else len(geometry.offsets)
                 steps_needed += gap > 0.0
-                best.append(Capture(steps_needed, round(gap, 3), crosses, time))
+                best.append(
+                    Capture(steps_needed, round(gap, 3), crosses, round(way, 3))
+                )
         return min(best, key=lambda one: one.cost)
 
 
