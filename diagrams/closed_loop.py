@@ -52,7 +52,7 @@ class ClosedLoop(framework.Diagram):
         self._ground = scenario.terrain.ground(robot.sole, robot.params.size)
 
     def remarks(self) -> list[str]:
-        """What a user should know of the robot, and of commands it cannot do."""
+        """What a user should know of the robot, and of its commands."""
         told = list(self.robot.remarks)
         params = self.scenario.controller.footstep_planner
         least, most = velocity_limits(params, self.robot.point_mass)

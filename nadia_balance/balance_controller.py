@@ -109,8 +109,8 @@ class CapturePointController(Diagram):
     .. pydrake_system::
 
         name: CapturePointController
-        input_ports: [foot_poses, foot_forces, icp, mechanisms, alip_icp,
-                      com_state, velocity_command]
+        input_ports: [foot_poses, foot_forces, icp, velocity_command,
+                      alip_icp, mechanisms, com_state]
         output_ports: [walking_state, walking_signal, footsteps,
                        revised_footsteps, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
@@ -236,11 +236,12 @@ class BalanceController(Diagram):
     .. pydrake_system::
 
         name: BalanceController
-        input_ports: [estimated_state, foot_forces, mechanisms,
-                      velocity_command]
+        input_ports: [estimated_state, foot_forces, velocity_command,
+                      mechanisms]
         output_ports: [predicted_state, whole_body_terms, com_state, icp,
                        alip_icp, foot_poses, walking_state,
-                       walking_signal, footsteps, revised_footsteps, icp_plan, icp_reference,
+                       walking_signal, footsteps, revised_footsteps,
+                       icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
                        ecmp_command, momentum_qp_status, momentum_rate,
                        swing_foot_reference, friction, actuation,

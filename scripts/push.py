@@ -27,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
         "--at",
         help='when it begins: in a phase, such as "right swing 25 %%" (the '
         'right foot swings) or "left transfer 50 %%" (the left one will), at a '
-        'time, such as "2.5 s", or "standing", at 1 s, without being told to walk',
+        'time, such as "2.5 s", or "standing", at 1 s, told to walk nowhere',
     )
     add("--shape", help=f"of the force over time: {', '.join(SHAPES)}")
     about = "N pushes instead, in directions at random, of up to --delta-v, 1 "

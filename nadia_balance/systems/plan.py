@@ -30,7 +30,12 @@ from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.systems.ports import declare_output, declare_plan, inputs
+from nadia_balance.systems.ports import (
+    Input,
+    declare_output,
+    declare_plan,
+    inputs,
+)
 from nadia_balance.systems.signals import MODES, PHASES
 
 _EARLY = 1e-6  # times of ticks differ by rounding [s]
@@ -99,20 +104,28 @@ class WalkingStateMachine(LeafSystem):
             icp,
             time_gain=float(time[0]),
             adjustment=adjustment,
-            footsteps=functools.partial(self._next_footsteps, context),
-            revised=self._revised(context),
+            footsteps=functools.partial(
+                self._next_footsteps, self._footsteps, context
+            ),
+            revised=self._next_footsteps(self._revised, context),
         )
         state.get_mutable_abstract_state(self._state).set_value(now)
         return EventStatus.Succeeded()
 
-    def _next_footsteps(self, context) -> tuple[walking.Footstep, ...] | None:
-        """Returns the footsteps of the port, whose feet take turns."""
-        steps = self._footsteps(context)
+    def _next_footsteps(
+        self, port: Input, context
+    ) -> tuple[walking.Footstep, ...] | None:
+        """Returns the footsteps of the `port`, whose feet take turns."""
+        steps = port(context)
+        for step in steps or ():
+            if not isinstance(step, walking.Footstep):
+                what = f"has a {type(step).__name__}, needs Footsteps"
+                raise port.error(context, what)
         sides = [step.side for step in steps or ()]
         if any(one is other for one, other in itertools.pairwise(sides)):
             named = ", ".join(side.value for side in sides)
             what = f"has feet {named}: they must take turns"
-            raise self._footsteps.error(context, what)
+            raise port.error(context, what)
         return steps
 
 
@@ -232,9 +245,10 @@ class FootstepPlanner(LeafSystem):
 
 
 class FixedFootsteps(FootstepPlanner):
-    """Plans the footsteps of a list, each within reach; then as FootstepPlanner.
+    """Plans the footsteps of a list; then as a FootstepPlanner.
 
-    Their number is that of the steps taken.  `velocity_command` counts once the
+    The number of steps taken says where in the list it is; the next ones are
+    within reach of where the feet are.  `velocity_command` counts once the
     robot stands after them.
 
     .. pydrake_system::
@@ -254,7 +268,7 @@ class FixedFootsteps(FootstepPlanner):
         adjuster: CaptureRegionStepAdjusterParams | None = None,
         timing: TimingAdapterParams | None = None,
     ):
-        """Plans `footsteps`, see `make_footsteps`; more: see FootstepPlanner."""
+        """Plans `footsteps` (see make_footsteps), as a FootstepPlanner."""
         super().__init__(params, model, period, adjuster, timing)
         self._fixed = tuple(footsteps)
         self._model, self._period = model, period

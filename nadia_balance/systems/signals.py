@@ -86,10 +86,11 @@ class SwingFootReference(namedview("SwingFootReference", _MOTION.split())):
 class WalkingSignal(namedview("WalkingSignal", _WALKING.split())):
     """The walking state as numbers, for logs.
 
-    `phase` is an index of PHASES, `mode` of MODES; `support_side` and `target_side` are +1 for
-    left, -1 for right; `time_in_phase` and `duration` [s]; `left` and `right`
-    are the present or last stance poses, `target` is the next foothold (NaN,
-    and side 0, without one), each (x, y, yaw) in W [m], [rad].
+    `phase` is an index of PHASES, `mode` of MODES; `support_side` and
+    `target_side` are +1 for left, -1 for right; `time_in_phase` and `duration`
+    [s]; `left` and `right` are the present or last stance poses, `target` is
+    the next foothold (NaN, and side 0, without one), each (x, y, yaw) in W [m],
+    [rad].
     """
 
     left, right, target = entries(6, 9), entries(9, 12), entries(12, 15)

@@ -59,11 +59,15 @@ BAD_TEXTS = {
     ),
     "mechanisms: feedback_step": "mechanisms = 'feedback_step': must go",
     "pushes: [{delta_v: 1, at: 10 s}]": "at = '10 s': must be before duration",
-    "pushes: [{delta_v: 0.1, at: right swing 5 %}]": (
-        "at = 'right swing 5 %': must come in the gait's 0 steps, for after_st"
+    "{gait: {num_steps: 2}, commands: [{forward: 0.1}]}": (
+        "gait.num_steps = 2: must not come with commands"
     ),
-    "{gait: {num_steps: 2}, pushes: [{force: 9, at: right swing 5 %, "
-    "after_steps: 1}]}": "at = 'right swing 5 %': must come in the gait's 2 s",
+    "{gait: {steps: [{}]}, random_commands: 0.5}": "gait.steps = [StepVector(",
+    "commands: [{time: -1}]": "commands[0].time = -1.0: must be in [0, 3600] s",
+    "commands: [{forward: .nan}]": "commands[0].forward = nan: must be",
+    "commands: [{time: 2}, {time: 2, turn: 0.1}]": (
+        "commands[1].time = 2.0: must be later than 2.0 s"
+    ),
 }
 
 

@@ -99,7 +99,7 @@ def _walking_signal(recipe: Recipe) -> np.ndarray:
         for i in range(round(actual / T)):
             time = min(i * T, planned)
             moved = kind is Phase.SWING and time > 0.25 * recipe.swing + 0.05
-            now = WalkingSignal(np.zeros(16))
+            now = WalkingSignal(np.zeros(len(WalkingSignal.get_fields())))
             now.phase, now.support_side = PHASES.index(kind), swing.other.sign
             now.time_in_phase, now.duration = time, planned
             now.waiting, now.steps_taken = i * T > planned, taken

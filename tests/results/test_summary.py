@@ -9,10 +9,17 @@ from shapely import Polygon
 from shapely.affinity import rotate, translate
 
 from nadia_balance.results import signal
-from tests.results.made_up_run import MASS, cut, make_log, summary_of
+from nadia_balance.results.measurements import StandsWatch
+from tests.results.made_up_run import (
+    MASS,
+    Recipe,
+    cut,
+    make_log,
+    summary_of,
+)
 
 RESTLESS = "the ICP error did not stay below 0.05 m"
-SHORT = {"calm_steps": 2, "is_long_enough": False}
+SHORT = {"calm_steps": 2}
 MISSED = {"missed_pushes": 1, "calm_steps": 2}
 
 
@@ -93,8 +100,8 @@ def test_posture_is_that_of_trunk_and_centre_of_mass(log):
 def test_calm_steps_are_whole_ones_with_small_errors(log, large_at, calm):
     """Oracle: by hand: it lands at 1.5, 2.23, 2.77, 3.77, 4.77 and 5.77 s.
 
-    A walk that ends before it was calm for long enough has failed; one that
-    stands at its end, well, has recovered.
+    A walk that ends before it was calm for long enough is undecided, as it has
+    taken four steps; one that stands at its end, well, has recovered.
     """
     log["icp"][:] = log["icp_reference"][:, :2]
     log["icp"][round(large_at / 0.002), 1] += 0.06
@@ -102,9 +109,50 @@ def test_calm_steps_are_whole_ones_with_small_errors(log, large_at, calm):
     assert summary_of(walks)["calm_steps"] == calm
     assert summary_of(walks, calm_steps=calm)["recovered"]
     more = summary_of(walks, calm_steps=calm + 1)
-    reason = f"{RESTLESS} for {calm + 1} whole steps"
-    assert (more["outcome"], more["reason"]) == ("failed", reason)
+    reason = f"too short: {RESTLESS} for {calm + 1} whole steps"
+    assert (more["outcome"], more["reason"]) == ("undecided", reason)
     assert summary_of(log, calm_steps=calm + 1)["recovered"]
+
+
+@pytest.mark.parametrize(
+    ("x", "yaw", "heading", "square"),
+    [
+        (0.09, 0.0, 0.0, True),
+        (0.11, 0.0, 0.0, False),
+        (0.0, math.radians(9.0), 2.0, True),
+        (0.0, math.radians(11.0), 2.0, False),
+        (-0.11, math.radians(-9.0), 3.1, False),
+    ],
+)
+def test_a_robot_stands_again_when_its_feet_are_square(
+    log, x, yaw, heading, square
+):
+    """Oracle: by hand: 10 cm, 10 deg; the right foot from the left one's."""
+    walking = signal(log, "walking_signal")
+    middle = heading + 0.5 * yaw
+    walking.left[:] = np.array([[3.0], [-1.0], [heading]])
+    way = np.array([x * math.cos(middle), x * math.sin(middle)])
+    way += 0.3 * np.array([math.sin(middle), -math.cos(middle)])
+    turned = math.remainder(heading + yaw, math.tau)
+    walking.right[:] = np.array([[3.0 + way[0]], [-1.0 + way[1]], [turned]])
+    summary = summary_of(log)
+    expected = "" if square else "it stands, but its feet are not side by side"
+    assert summary["reason"].removeprefix("too short: ") == expected
+    watch = StandsWatch()
+    now = signal(log, "walking_signal", -1)
+    stood = [watch.look(t, now, 0.01, False) for t in (1.0, 1.2, 1.5)]
+    assert stood == pytest.approx([0.0, 0.2, 0.5] if square else [0.0] * 3)
+    assert watch.look(1.6, now, 0.06, False) == 0.0
+    assert watch.look(1.7, now, 0.01, True) == 0.0
+
+
+def test_eight_steps_are_enough_to_tell_that_it_did_not_recover():
+    """Oracle: the recipe: 11 steps, of which nine landed after the push."""
+    log = make_log(Recipe(num_steps=11))
+    log["icp"][:] = log["icp_reference"][:, :2] + [0.06, 0.0]
+    summary = summary_of(cut(log, round(9.9 / 0.002)), calm_steps=2)
+    assert summary["steps_after_push"] >= 8
+    assert summary["outcome"] == "failed"
 
 
 def test_speed_of_the_swing_foot(log):

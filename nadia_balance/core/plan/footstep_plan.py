@@ -20,7 +20,12 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.math.polygon import contains, intersection, project
+from nadia_balance.core.math.polygon import (
+    contains,
+    convex_hull,
+    intersection,
+    project,
+)
 from nadia_balance.core.steps import capture_region as capture
 from nadia_balance.core.walking import vocabulary as walking
 from nadia_balance.core.walking.vocabulary import (
@@ -287,7 +292,7 @@ class FootstepPlan:
     def leaves(self, feet: FootPoses, icp: Array) -> bool:
         """True if the ICP (2,) [m] is outside of what both soles hold."""
         soles = [feet[side].to_world(self.model.cop_area) for side in Side]
-        support = walking.convex_hull(np.concatenate(soles))
+        support = convex_hull(np.concatenate(soles))
         return not contains(icp, support, -self.params.trigger_margin)
 
     def first_side(
