@@ -164,7 +164,10 @@ class HumanoidDiagram(ClosedLoop):
         pushes = self.push.GetOutputPort("spatial_forces")
         scene.connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
-        self._mechanisms = scene.add_mechanisms(builder, on, self.push, meshcat)
+        limits = self.velocity_limits
+        self._mechanisms = scene.add_mechanisms(
+            builder, on, self.push, meshcat, limits
+        )
         if controller.HasInputPort("mechanisms"):
             port = controller.GetInputPort("mechanisms")
             builder.Connect(self._mechanisms, port)
@@ -280,6 +283,18 @@ class HumanoidDiagram(ClosedLoop):
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
         tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
         return bool(tilts or (speeds > limits).any())
+
+    def fastest_joint(self, context: Context) -> tuple[str, float]:
+        """The joint closest to its speed limit: its name, speed per limit."""
+        if self.scenario.fidelity == "ideal":
+            return "", 0.0
+        state = read(self.engine.GetOutputPort("state"), context)
+        speeds = np.abs(state[self.plant.num_positions() + 6 :])
+        ratios = speeds / self.robot.max_joint_speeds
+        i = int(np.argmax(ratios))
+        velocity = self.plant.num_positions() + 6 + i
+        name = self.plant.GetStateNames(False)[velocity]
+        return name.removesuffix("_w").removesuffix("_v"), float(ratios[i])
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All logged signals (see nadia_balance.results)."""
