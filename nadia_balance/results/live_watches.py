@@ -156,11 +156,12 @@ class FallWatch:
         if self._in_air:
             causes.append((self._since, self._in_air))
         if self._landed:
-            causes = [self._landed[-1]]  # a foot in the air comes too late
+            causes = [self._landed[0]]  # what came after it was too late
         if self._fast:
             _, joint, ratio = max(self._fast, key=lambda seen: seen[2])
             since = self._fast[0][0]
-            causes.append((since, f"{joint} at {ratio:.0%} of its speed"))
+            percent = f"{100.0 * ratio:.0f} %"
+            causes.append((since, f"{joint} at {percent} of its speed"))
         if not causes and self._errors:
             largest = max(error for _, error in self._errors)
             return f"ICP error {largest:.2f} m"
@@ -172,6 +173,7 @@ def missed_words(regions: CaptureRegions) -> str:
     outside = distance_outside(regions)
     if outside <= MISSED:
         return ""
-    if distance_out_of_reach(regions) > MISSED:
-        return f"capture region out of reach, foothold {outside:.2f} m outside"
+    gap = distance_out_of_reach(regions)
+    if gap > MISSED:
+        return f"capture region out of reach by {gap:.2f} m"
     return f"foothold outside the capture region by {outside:.2f} m"
