@@ -52,8 +52,9 @@ class HumanoidDiagram(ClosedLoop):
         `foot_forces`, `mechanisms` and `velocity_command` are connected if it
         has them, its outputs logged and drawn, too.  `sources` are systems
         whose output of that name is connected to the controller's input; by
-        default `velocity_command` is the scenario's, or of Meshcat's controls.  Without a `walking_state`, a ContactClock times
-        the pushes, in directions relative to W.  `blocks` are those of the
+        default `velocity_command` is the scenario's, or the user's if there is
+        Meshcat and the scenario has no commands.  Without a `walking_state`, a
+        ContactClock times the pushes, in directions relative to W.  `blocks` are those of the
         BalanceController, or its `tasks`.
 
         Raises ValueError: the robot cannot stand with the step width of the

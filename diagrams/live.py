@@ -31,7 +31,7 @@ LOOK = 0.02  # period of the checks of buttons, falls and steps [s]
 LYING = 3.0  # time between a fall and the restart [s]
 PRINTS = 20  # footprints kept per foot
 CALM_STEPS = 2  # that a recovery requires where the scenario does not say
-AIMS_EVERY = 2  # looks from one drawing of the user's arrows to the next
+AIMS_PERIOD = 1.0 / 16.0  # of the user's arrows, in real time [s]
 
 
 def endless(scenario: Scenario) -> Scenario:
@@ -61,7 +61,7 @@ class LiveSession:
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
         meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, speed)
-        self._aims = Aims(meshcat)
+        self._aims, self._drawn = Aims(meshcat), -math.inf
         self._start = simulation.start(diagram).get_context().Clone()
         self.paused = self.stopped = False
         self._begin(None)
@@ -162,14 +162,15 @@ class LiveSession:
         now = context.get_time()
         state = diagram.GetOutputPort("walking_state").Eval(context)
         _, self._error = simulation.gait_and_error(diagram, context)
-        walking = WalkingSignal(read(diagram.signals["walking_signal"], context))
+        walking = WalkingSignal(
+            read(diagram.signals["walking_signal"], context)
+        )
         self._mode, self._moment = state.mode.value, moment_words(walking)
         self._measure(state)
         push = simulation.push_signal(diagram, context)
         for line in self._story.look(now, walking, push, self._error):
             self._tell_now(line)
-        if self._looks % AIMS_EVERY == 0:
-            self._draw_aims()
+        self._draw_aims()
         if state.steps_taken > self._steps:
             self._steps = state.steps_taken
             self._go_along(state)
@@ -192,6 +193,9 @@ class LiveSession:
 
     def _draw_aims(self) -> None:
         """Draws the push that a click would make, and the command."""
+        if time.monotonic() < self._drawn + AIMS_PERIOD:
+            return
+        self._drawn = time.monotonic()
         context, diagram = self.context, self._diagram
         state = diagram.GetOutputPort("walking_state").Eval(context)
         schedule = state.schedule

@@ -15,11 +15,8 @@ from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 
 REMEMBERED = 1.0  # time before a fall that may say why [s]
 MISSED = 0.01  # distances that count as outside of a region [m]
-_UNITS = (
-    ("forward", "m/s"),
-    ("left", "m/s"),
-    ("turn", "rad/s"),
-)  # of a velocity command
+# Of a velocity command.
+_UNITS = (("forward", "m/s"), ("left", "m/s"), ("turn", "rad/s"))
 
 
 class VelocityWatch:
@@ -68,11 +65,11 @@ def velocity_lines(commanded: Array, walked: Array) -> list[str]:
     lines = []
     rows = zip(_UNITS, commanded, walked, strict=True)
     for (name, unit), wanted, mean in rows:
+        line = f"commanded {_signed(wanted)}, walks {_signed(mean)} {unit}"
         if name == "forward":
-            lines.append(f"commanded {wanted:.2f}, walks {_signed(mean)} {unit}")
-        elif wanted:
-            line = f"{name}: commanded {wanted:.2f}, walks {_signed(mean)} {unit}"
             lines.append(line)
+        elif wanted:
+            lines.append(f"{name}: {line}")
     return lines
 
 
@@ -97,7 +94,9 @@ def distance_out_of_reach(regions: CaptureRegions) -> float:
     if not regions.regions:
         return 0.0
     captures, reach = regions.regions[-1], regions.reach
-    if not len(captures) or not len(reach) or len(intersection(reach, captures)):
+    if not len(captures) or not len(reach):
+        return 0.0
+    if len(intersection(reach, captures)):
         return 0.0
     return closest_point(reach, captures)[1]
 
@@ -136,8 +135,9 @@ class FallWatch:
             joint: the joint that is closest to its speed limit.
             speed_ratio: its speed per limit [-].
         """
-        swings = regions is not None and len(regions.regions) > 0
-        words = missed_words(regions) if swings else ""
+        words, swings = "", False
+        if regions is not None and regions.regions:
+            words, swings = missed_words(regions), True
         if not swings and self._in_air:
             self._landed.append((self._since, self._in_air))
         if words and not self._in_air or not words:

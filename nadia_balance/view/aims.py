@@ -31,6 +31,7 @@ class Aims:
     def __init__(self, meshcat: Meshcat):
         """Adds the arrow of the push, hidden."""
         self._meshcat = meshcat
+        self._delta_v = 0.0  # of the push that is drawn [m/s]
         self._command: Array | None = None  # that is drawn
         color = palette.rgba(palette.PUSH, 0.4)
         for part, shape in (
@@ -57,18 +58,19 @@ class Aims:
             yaw: its direction in W [rad].
             delta_v: its size [m/s], by which the shaft is long.
         """
-        self._meshcat.SetProperty(PUSH, "visible", delta_v > 0.0)
-        length = max(METRES * delta_v, 1e-3)
-        shaft = np.diag([1.0, 1.0, length, 1.0])
-        shaft[2, 3] = -_GAP - _TIP - 0.5 * length
-        self._meshcat.SetTransform(f"{PUSH}/shaft", np.asfortranarray(shaft))
+        if delta_v != self._delta_v:
+            self._delta_v = delta_v
+            self._meshcat.SetProperty(PUSH, "visible", delta_v > 0.0)
+            length = max(METRES * delta_v, 1e-3)
+            shaft = np.diag([1.0, 1.0, length, 1.0])
+            shaft[2, 3] = -_GAP - _TIP - 0.5 * length
+            path = f"{PUSH}/shaft"
+            self._meshcat.SetTransform(path, np.asfortranarray(shaft))
         along = np.array([math.cos(yaw), math.sin(yaw), 0.0])
         R = RotationMatrix.MakeFromOneVector(along, 2)
         self._meshcat.SetTransform(PUSH, RigidTransform(R, com))
 
-    def draw_command(
-        self, command: Array, com: Array, feet: FootPoses
-    ) -> None:
+    def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
         """Draws the commanded way on the ground; none if it is to stand.
 
         Args:
@@ -82,9 +84,9 @@ class Aims:
             if np.any(command):
                 self._add_way(commanded_way(command))
         if np.any(command):
-            height = max(feet[side].p_WF[2] for side in Side)
+            height = max(float(feet[side].p_WF[2]) for side in Side)
             R = RotationMatrix.MakeZRotation(heading(feet))
-            p_W = [com[0], com[1], height + _ABOVE]
+            p_W = np.array([com[0], com[1], height + _ABOVE])
             self._meshcat.SetTransform(COMMAND, RigidTransform(R, p_W))
 
     def _add_way(self, way: Array) -> None:

@@ -85,7 +85,8 @@ def test_walks_as_the_sliders_say_and_stops(session):
     assert session.state()[0] - x == pytest.approx(0.3 * 1.6, abs=0.03)
     moment, velocity = session.status()[:2]
     assert moment.startswith("t = 7.60 s, walking (")
-    assert velocity == "commanded 0.30, walks 0.30 m/s"
+    # A landing is heard some ticks late, by which a step lasts longer.
+    assert velocity in {f"commanded 0.30, walks 0.{n} m/s" for n in (29, 30)}
     click(session.meshcat, HALT)
     session.ticks(200)
     assert session.status()[:2] == [
@@ -93,7 +94,8 @@ def test_walks_as_the_sliders_say_and_stops(session):
         "commanded 0.00, walks 0.00 m/s",
     ]
     feet = session.walking_state().schedule.feet
-    assert feet.left.to_sole(feet.right.p_WF[:2])[0] == pytest.approx(0, abs=0.05)
+    ahead, _ = feet.left.to_sole(feet.right.p_WF[:2])
+    assert ahead == pytest.approx(0.0, abs=0.05)
     assert session.told == []
 
 
@@ -146,7 +148,10 @@ def test_tells_a_push_and_that_it_stands_again(
     """Oracles: m delta_v / 0.1 s; a step to catch itself, one to be square."""
     session.ticks(10)
     session.push(size, direction)
-    session.ticks(200)
+    session.ticks(20)
+    mode = "recovering" if "2" in result else "standing"
+    assert session.status()[0].startswith(f"t = 0.60 s, {mode}")
+    session.ticks(180)
     pushed, recovered = session.told
     newtons = session._diagram.robot.mass * size / 0.1
     push = f"push {size:.2f} m/s {word}, standing  F = {newtons:.0f} N"

@@ -33,7 +33,7 @@ def swing(captures_from: float, foot_at: float) -> CaptureRegions:
 
 
 def told(*looks) -> str:
-    """The reason, after looks a TICK apart; each is the arguments after time."""
+    """The reason after these looks, a TICK apart."""
     watch = FallWatch()
     for i, look in enumerate(looks):
         watch.look(i * TICK, *look)
@@ -61,7 +61,8 @@ def test_says_by_how_much_the_foot_that_landed_has_missed():
 
 def test_says_that_no_foothold_in_reach_captures():
     """Oracle: by hand: the reach ends at 1 m, C_N begins at 1.3 m."""
-    assert told((swing(1.3, 1.0), 0.4)) == "capture region out of reach by 0.30 m"
+    reason = told((swing(1.3, 1.0), 0.4))
+    assert reason == "capture region out of reach by 0.30 m"
 
 
 def test_names_the_joint_that_was_too_fast_and_what_came_first():
@@ -93,7 +94,8 @@ def test_the_velocity_is_that_of_a_circle_seen_from_the_robot():
     watch, speed, turn, window = VelocityWatch(1.6), 0.3, 0.4, 1.6
     for time in np.arange(0.0, 12.0, TICK):
         angle = turn * time
-        place = speed / turn * np.array([math.sin(angle), 1.0 - math.cos(angle)])
+        across = 1.0 - math.cos(angle)
+        place = speed / turn * np.array([math.sin(angle), across])
         velocity = watch.look(time, place, math.remainder(angle, math.tau))
     half = 0.5 * turn * window
     chord = speed * math.sin(half) / half
@@ -112,9 +114,9 @@ def test_the_sway_of_two_steps_does_not_count():
 
 def test_tells_forward_always_and_what_else_is_commanded():
     """Oracle: the words of the page."""
-    assert velocity_lines(np.array([0.3, 0.0, 0.0]), np.array([0.29, 0.1, 0])) == [
-        "commanded 0.30, walks 0.29 m/s"
-    ]
+    walked = np.array([0.29, 0.1, 0.0])
+    (line,) = velocity_lines(np.array([0.3, 0.0, 0.0]), walked)
+    assert line == "commanded 0.30, walks 0.29 m/s"
     walked = np.array([-0.001, -0.08, 0.2])
     assert velocity_lines(np.array([0.0, -0.1, 0.2]), walked) == [
         "commanded 0.00, walks 0.00 m/s",

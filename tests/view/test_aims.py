@@ -11,7 +11,10 @@ from nadia_balance.view import aims
 from nadia_balance.view.aims import Aims, commanded_way, heading
 from nadia_balance.view.scene import start_meshcat
 
-FEET = FootPoses(FootPose([0.0, 0.1, 0.2], 0.1), FootPose([0.0, -0.1, 0.2], 0.3))
+FEET = FootPoses(
+    left=FootPose([0.0, 0.1, 0.2], yaw=0.1),
+    right=FootPose([0.0, -0.1, 0.2], yaw=0.3),
+)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +78,8 @@ def test_the_way_is_drawn_on_the_ground_while_there_is_a_command():
 def _transform(meshcat, path) -> np.ndarray:
     """The pose that Meshcat keeps: 16 doubles at the end, by columns."""
     packed = meshcat._GetPackedTransform(path)
-    return np.array([value for _, value in struct.iter_unpack(">cd", packed[-144:])]).reshape(4, 4).T
+    numbers = [value for _, value in struct.iter_unpack(">cd", packed[-144:])]
+    return np.array(numbers).reshape(4, 4).T
 
 
 def _is_visible(meshcat, path) -> bool:
