@@ -54,8 +54,8 @@ class HumanoidDiagram(ClosedLoop):
         whose output of that name is connected to the controller's input; by
         default `velocity_command` is the scenario's, or the user's if there is
         Meshcat and the scenario has no commands.  Without a `walking_state`, a
-        ContactClock times the pushes, in directions relative to W.  `blocks` are those of the
-        BalanceController, or its `tasks`.
+        ContactClock times the pushes, in directions relative to W.  `blocks`
+        are those of the BalanceController, or its `tasks`.
 
         Raises ValueError: the robot cannot stand with the step width of the
         gait or on the terrain, or a block or the `controller` lacks a port.

@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from nadia_balance.diagrams import live
+from nadia_balance.diagrams import live, simulation
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.live import RESET, LiveSession, endless
 from nadia_balance.diagrams.scenario import load_scenario
@@ -207,3 +207,24 @@ def test_ctrl_c_ends_it_too(session):
     """Oracle: the signal, sent while the status is shown."""
     assert session.run(lambda _: signal.raise_signal(signal.SIGINT)) is True
     assert session.context.get_time() == pytest.approx(LOOK)
+
+
+def commanded(diagram) -> list[float]:
+    """What the controller is told at 0.6 s, by a slider at 0.2 m/s."""
+    simulator = simulation.start(diagram)
+    simulator.AdvanceTo(0.6)
+    port = diagram.controller.GetInputPort("velocity_command")
+    own = diagram.controller.GetMyContextFromRoot(simulator.get_context())
+    return port.Eval(own).tolist()
+
+
+def test_the_user_commands_where_the_scenario_does_not():
+    """Oracle: the scenario's first row, from 0.5 s on; else the slider's."""
+    told = []
+    for change in (lambda own: own), endless:
+        meshcat = start_meshcat()[0]
+        scenario = change(load_scenario("walk_by_command"))
+        diagram = LipmDiagram(scenario, meshcat)
+        meshcat.SetSliderValue(FORWARD, 0.2)
+        told.append(commanded(diagram))
+    assert told == [[0.3, 0.0, 0.0], pytest.approx([0.2, 0.0, 0.0])]
