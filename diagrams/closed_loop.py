@@ -21,6 +21,7 @@ from nadia_balance.systems.plan import VelocityCommands
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import connect
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
+from nadia_balance.view.scene import CONTROLS
 
 # Signals that are logged, drawn and exported, of those that there are.
 LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
@@ -50,6 +51,13 @@ class ClosedLoop(framework.Diagram):
         self.scenario = scenario
         self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
         self._ground = scenario.terrain.ground(robot.sole, robot.params.size)
+        self.signals: dict[str, framework.OutputPort] = {}
+
+    @property
+    def velocity_limits(self) -> np.ndarray:
+        """Least and most of a velocity command, (2, 3): [m/s], [rad/s]."""
+        params = self.scenario.controller.footstep_planner
+        return velocity_limits(params, self.robot.point_mass)
 
     def remarks(self) -> list[str]:
         """What a user should know of the robot, and of its commands."""
@@ -81,11 +89,7 @@ class ClosedLoop(framework.Diagram):
         """
         sources = dict(sources)
         if controller.HasInputPort(COMMAND) and COMMAND not in sources:
-            rows = [
-                (row.time, row.forward, row.left, row.turn)
-                for row in self.scenario.commands
-            ]
-            sources[COMMAND] = VelocityCommands(rows)
+            sources[COMMAND] = self._commands(builder)
         for name, source in sources.items():
             what = f"sources[{name!r}] = {type(source).__name__}: must"
             if not controller.HasInputPort(name):
@@ -104,6 +108,18 @@ class ClosedLoop(framework.Diagram):
         known = sources.get(COMMAND)
         return {COMMAND: known.GetOutputPort(COMMAND)} if known else {}
 
+    def _commands(self, builder: framework.DiagramBuilder) -> framework.System:
+        """The source of the velocity command, by default.
+
+        That is the user, if there is a Meshcat and the scenario has no commands
+        of its own.
+        """
+        commands = self.scenario.commands
+        if not commands and builder.HasSubsystemNamed(CONTROLS):
+            return builder.GetSubsystemByName(CONTROLS)
+        rows = [(row.time, row.forward, row.left, row.turn) for row in commands]
+        return VelocityCommands(rows)
+
     def _finish(
         self,
         builder: framework.DiagramBuilder,
@@ -117,10 +133,10 @@ class ClosedLoop(framework.Diagram):
         Where several have a signal, it is that of the first.  `ports` are
         logged, too, every `period` [s].
         """
-        of, names = {}, (*LOGGED, *DRAWN, *EXPORTED)
+        of, names = self.signals, (*LOGGED, *DRAWN, *EXPORTED)
         for system in reversed(systems):
             known = filter(system.HasOutputPort, names)
-            of |= {name: system.GetOutputPort(name) for name in known}
+            of.update({name: system.GetOutputPort(name) for name in known})
         if meshcat is not None and "walking_state" in of:
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
             builder.AddNamedSystem("balance_visualizer", view)
@@ -157,6 +173,10 @@ class ClosedLoop(framework.Diagram):
     def passed_limit(self, context: framework.Context) -> bool:
         """True if a limit is exceeded that a recovery must not exceed."""
         return False
+
+    def fastest_joint(self, context: framework.Context) -> tuple[str, float]:
+        """The joint closest to its speed limit: its name, speed per limit."""
+        return "", 0.0
 
     def read_logs(self, context: framework.Context) -> dict[str, np.ndarray]:
         """All logged signals, and `t` [s] (see nadia_balance.results)."""

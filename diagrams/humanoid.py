@@ -52,9 +52,10 @@ class HumanoidDiagram(ClosedLoop):
         `foot_forces`, `mechanisms` and `velocity_command` are connected if it
         has them, its outputs logged and drawn, too.  `sources` are systems
         whose output of that name is connected to the controller's input; by
-        default `velocity_command` is the scenario's.  Without a
-        `walking_state`, a ContactClock times the pushes, in directions relative
-        to W.  `blocks` are those of the BalanceController, or its `tasks`.
+        default `velocity_command` is the scenario's, or the user's if there is
+        Meshcat and the scenario has no commands.  Without a `walking_state`, a
+        ContactClock times the pushes, in directions relative to W.  `blocks`
+        are those of the BalanceController, or its `tasks`.
 
         Raises ValueError: the robot cannot stand with the step width of the
         gait or on the terrain, or a block or the `controller` lacks a port.
@@ -164,7 +165,10 @@ class HumanoidDiagram(ClosedLoop):
         pushes = self.push.GetOutputPort("spatial_forces")
         scene.connect_forces(builder, engine, pushes, mouse)
         on = NAMED[self.scenario.mechanisms]
-        self._mechanisms = scene.add_mechanisms(builder, on, self.push, meshcat)
+        limits = self.velocity_limits
+        self._mechanisms = scene.add_mechanisms(
+            builder, on, self.push, meshcat, limits
+        )
         if controller.HasInputPort("mechanisms"):
             port = controller.GetInputPort("mechanisms")
             builder.Connect(self._mechanisms, port)
@@ -280,6 +284,18 @@ class HumanoidDiagram(ClosedLoop):
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
         tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
         return bool(tilts or (speeds > limits).any())
+
+    def fastest_joint(self, context: Context) -> tuple[str, float]:
+        """The joint closest to its speed limit: its name, speed per limit."""
+        if self.scenario.fidelity == "ideal":
+            return "", 0.0
+        state = read(self.engine.GetOutputPort("state"), context)
+        speeds = np.abs(state[self.plant.num_positions() + 6 :])
+        ratios = speeds / self.robot.max_joint_speeds
+        i = int(np.argmax(ratios))
+        velocity = self.plant.num_positions() + 6 + i
+        name = self.plant.GetStateNames(False)[velocity]
+        return name.removesuffix("_w").removesuffix("_v"), float(ratios[i])
 
     def read_logs(self, context: Context) -> dict[str, np.ndarray]:
         """All logged signals (see nadia_balance.results)."""

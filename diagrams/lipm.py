@@ -71,7 +71,8 @@ class LipmDiagram(ClosedLoop):
         self.plant = plant = add("plant", PointMassPlant(model, period, start))
         self.push = add("push_source", PushSource(pushes, model.mass, period))
         on = NAMED[scenario.mechanisms]
-        mechanisms = add_mechanisms(builder, on, self.push, meshcat)
+        limits = self.velocity_limits
+        mechanisms = add_mechanisms(builder, on, self.push, meshcat, limits)
         watched = "com_state", "foot_poses"
         self._watched = [plant.GetOutputPort(name) for name in watched]
         connect(builder, controller, self.swing, "walking_state")

@@ -1,11 +1,12 @@
-"""Live session: the robot walks until it is stopped; the user pushes it."""
+"""Live session: the robot stands and listens; the user walks and pushes it."""
 
-import contextlib
+import math
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
@@ -14,31 +15,40 @@ from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.results.live_watches import (
+    FallWatch,
+    VelocityWatch,
+    velocity_lines,
+)
 from nadia_balance.results.story import LiveStory, moment_words
-from nadia_balance.systems.signals import WalkingSignal, read
+from nadia_balance.systems.signals import ComState, WalkingSignal, read
+from nadia_balance.view.aims import Aims, heading
 from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.scene import CONTROLS, move_floor
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
-MOST_STEPS = 1000  # then the session restarts
 LOOK = 0.02  # period of the checks of buttons, falls and steps [s]
 LYING = 3.0  # time between a fall and the restart [s]
 PRINTS = 20  # footprints kept per foot
+CALM_STEPS = 2  # that a recovery requires where the scenario does not say
+AIMS_PERIOD = 1.0 / 16.0  # of the user's arrows, in real time [s]
 
 
 def endless(scenario: Scenario) -> Scenario:
-    """Returns the scenario without pushes, its `num_steps` MOST_STEPS."""
-    gait = scenario.gait
-    steps = MOST_STEPS if gait.num_steps else 0
-    return replace(scenario, pushes=[], gait=replace(gait, num_steps=steps))
+    """Returns the `scenario` without steps, pushes and commands of its own.
+
+    The robot stands until it is told to walk, or must step.
+    """
+    gait = replace(scenario.gait, num_steps=0, steps=[], footholds=[])
+    return replace(scenario, pushes=[], commands=[], gait=gait)
 
 
 class LiveSession:
     """Runs a diagram with LiveControls and buttons of its own.
 
     The buttons are Pause, Reset and Stop; a slider sets the largest speed over
-    real time.  The robot begins with its first swing; after a fall, or its last
-    step, again, with the same mechanisms on.  Logs are cleared.
+    real time.  The robot begins to stand; after a fall, again, with the same
+    mechanisms on and the same sliders.  Logs are cleared.
     """
 
     def __init__(
@@ -46,10 +56,13 @@ class LiveSession:
     ):
         """Sends each event's line to `tell`; `speed` is 1 in real time."""
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
+        self._controls = diagram.GetSubsystemByName(CONTROLS)
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
         meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, speed)
+        self._aims, self._drawn = Aims(meshcat), -math.inf
+        self._start = simulation.start(diagram).get_context().Clone()
         self.paused = self.stopped = False
         self._begin(None)
 
@@ -67,14 +80,23 @@ class LiveSession:
         return self._simulator.get_context()
 
     def status(self) -> list[str]:
-        """Time, phase, ICP error, last push, result and real-time factor."""
-        walks, story = self._phase != "standing", self._story
+        """Returns what the page shows, line by line.
+
+        Time, mode and phase; the velocity commanded and walked; ICP error, last
+        push and its result; real-time factor.
+        """
+        story = self._story
+        mode, moment = self._mode, self._moment
+        during = f" ({moment})" if moment != mode else ""
         lines = [
-            f"t = {self.context.get_time():.2f} s, {self._phase}",
+            f"t = {self.context.get_time():.2f} s, {mode}{during}",
+            *velocity_lines(self._commanded, self._walked),
             f"ICP error {self._error:.3f} m",
-            *([f"last {story.last_push}"] if story.last_push else []),
-            story.result or ("walks" if walks else "stands"),
         ]
+        if story.last_push:
+            lines.append(f"last {story.last_push}")
+        if story.result:
+            lines.append(story.result)
         if self.paused:
             return [*lines, "PAUSED"]
         ticks, walls = max(len(self._walls) - 1, 0), self._walls
@@ -91,6 +113,7 @@ class LiveSession:
             self.paused = not self.paused
             self._walls.clear()
         if self.paused:
+            self._draw_aims()  # as the sliders may move
             time.sleep(LOOK)
         elif self._fell is None:
             self._advance()
@@ -102,37 +125,21 @@ class LiveSession:
 
     def _begin(self, old: Context | None) -> None:
         """Starts the simulation; keeps the mechanisms of Context `old`."""
-        if old is None:
-            self._first = self._first_swing()
-        self._simulator = Simulator(self._diagram, self._first.Clone())
+        self._simulator = Simulator(self._diagram, self._start.Clone())
         if old is not None:
-            controls = self._diagram.GetSubsystemByName(CONTROLS)
-            controls.keep_mechanisms(old, self._simulator.get_mutable_context())
+            new = self._simulator.get_mutable_context()
+            self._controls.keep_mechanisms(old, new)
         self._simulator.Initialize()
-        self._story = LiveStory(self._diagram.scenario.calm_steps)
-        self._looks = round(self.context.get_time() / LOOK)
-        self._steps, self._fell = 0, None
+        scenario = self._diagram.scenario
+        self._story = LiveStory(scenario.calm_steps or CALM_STEPS)
+        params = scenario.controller.footstep_planner
+        step = params.swing_duration + params.transfer_duration
+        self._velocity = VelocityWatch(window=2.0 * step)
+        self._fall = FallWatch()
+        self._looks, self._steps = 0, 0
+        self._fell: float | None = None
         self._walls: deque[float] = deque(maxlen=50)
         self._look()
-
-    def _first_swing(self) -> Context:
-        """The Context in which the first swing begins, or of the start.
-
-        Before that swing, a push moves no foothold.
-        """
-        simulator = simulation.start(self._diagram)
-        context, gait = simulator.get_context(), self._diagram.scenario.gait
-        start, looks = context.Clone(), 0
-        latest = gait.standing_duration + gait.initial_transfer_duration + 1.0
-        # An error comes again as the session begins, and is told there.
-        with contextlib.suppress(RuntimeError, ValueError):
-            port = self._diagram.GetOutputPort("walking_state")
-            while looks * LOOK < latest:
-                if port.Eval(context).schedule.phase is Phase.SWING:
-                    return context
-                looks += 1
-                simulator.AdvanceTo(looks * LOOK)
-        return start
 
     def _advance(self) -> None:
         self._looks += 1
@@ -141,38 +148,72 @@ class LiveSession:
             reason = self._diagram.fall_reason(self.context)
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
             reason = " ".join(str(error).split())
+        else:
+            self._look()
+            if reason and (cause := self._fall.reason()):
+                reason = f"{reason}: {cause}"
         if reason:
             self._fell = time.monotonic()
             self._tell_now(self._story.fell(reason))
-        else:
-            self._look()
         self._diagram.forget_logs(self._simulator.get_mutable_context())
 
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
+        now = context.get_time()
         state = diagram.GetOutputPort("walking_state").Eval(context)
         _, self._error = simulation.gait_and_error(diagram, context)
-        port = diagram.controller.GetOutputPort("walking_signal")
-        walking = WalkingSignal(read(port, context))
-        self._phase = moment_words(walking)
+        walking = WalkingSignal(
+            read(diagram.signals["walking_signal"], context)
+        )
+        self._mode, self._moment = state.mode.value, moment_words(walking)
+        self._measure(state)
         push = simulation.push_signal(diagram, context)
-        now = context.get_time()
         for line in self._story.look(now, walking, push, self._error):
             self._tell_now(line)
+        self._draw_aims()
         if state.steps_taken > self._steps:
             self._steps = state.steps_taken
             self._go_along(state)
 
+    def _measure(self, state: WalkingState) -> None:
+        """Measures the velocity, and what may end in a fall."""
+        context, diagram = self.context, self._diagram
+        now = context.get_time()
+        com = ComState(read(diagram.signals["com_state"], context)).position
+        command = self._controls.GetOutputPort("velocity_command")
+        self._commanded = np.array(read(command, context))
+        feet = state.schedule.feet
+        self._walked = self._velocity.look(now, com[:2], heading(feet))
+        regions = None
+        port = diagram.signals.get("capture_regions")
+        if port is not None and state.schedule.phase is Phase.SWING:
+            regions = read(port, context)
+        joint, speed_ratio = diagram.fastest_joint(context)
+        self._fall.look(now, regions, self._error, joint, speed_ratio)
+
+    def _draw_aims(self) -> None:
+        """Draws the push that a click would make, and the command."""
+        if time.monotonic() < self._drawn + AIMS_PERIOD:
+            return
+        self._drawn = time.monotonic()
+        context, diagram = self.context, self._diagram
+        state = diagram.GetOutputPort("walking_state").Eval(context)
+        schedule = state.schedule
+        com = ComState(read(diagram.signals["com_state"], context)).position
+        delta_v, direction_deg, _ = self._controls.aimed_push()
+        yaw = schedule.feet[schedule.support_side].yaw
+        yaw += math.radians(direction_deg)
+        self._aims.draw_push(com, yaw, delta_v)
+        command = self._controls.command()
+        self._aims.draw_command(command, com, schedule.feet)
+
     def _go_along(self, state: WalkingState) -> None:
-        """Moves the floor, deletes old prints; restarts after the last step."""
+        """Moves the floor along, and deletes old prints."""
         schedule = state.schedule
         move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
         old = self._steps - PRINTS
         for side in Side:
             self._meshcat.Delete(f"{FOOTPRINTS}/{side.value}_{old}")
-        if not schedule.footsteps and schedule.phase is not Phase.SWING:
-            self._tell_now("walked all its steps: begins anew")
-            self._fell = time.monotonic()
 
     def _keep_pace(self) -> None:
         """Waits until the next tick is due; lost time is not made up for."""

@@ -13,6 +13,7 @@ COP = "#b8157a"  # magenta
 ECMP = "#d29a00"  # gold
 SUPPORT = "#3d4552"  # slate
 PUSH = "#d11f35"  # red
+COMMAND = "#1f2a44"  # navy
 CAPTURE_REGIONS = ("#4a0f8f", "#7d3cc9", "#a673e3")  # C_1 to C_3: violets
 OPACITIES = (0.4, 0.25, 0.18)  # of the filled regions, which overlap
 REACH = "#8a5a2b"  # brown
@@ -39,6 +40,8 @@ LEGEND = {
     "reachable": REACH,
     "foothold as planned": NOMINAL,
 }
+# What a live session draws besides.
+LIVE_LEGEND = {"push to come": "#ed9aa4", "commanded way": COMMAND}
 OUTLINED = ("support polygon", "reachable", "foothold as planned")  # of these
 
 

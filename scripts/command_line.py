@@ -49,8 +49,8 @@ EXIT_CODES = (
 MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 
 # Flags that have no effect with --live.
-_NOT_LIVE = """no_meshcat out hold duration direction delta_v at shape random
-    controller""".split()
+_NOT_LIVE = """no_meshcat out hold duration command direction delta_v at shape
+    random controller""".split()
 
 
 def program(main: Callable[..., int]) -> Callable[..., int]:
@@ -204,7 +204,8 @@ def _output_flags(parser: argparse.ArgumentParser) -> None:
     add("--port", type=int, help="of Meshcat, from 7000 on")
     add("--open", action="store_true", help="show Meshcat in a browser")
     add("--hold", action="store_true", help="keep Meshcat until Enter")
-    about = "walk until it is stopped, pushed by the user; writes nothing"
+    about = "stand until it is told to walk, or pushed, in the page of a "
+    about += "browser; writes nothing"
     add("--live", action="store_true", help=about)
 
 

@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> int:
 def _scenario(args: argparse.Namespace) -> Scenario:
     """The scenario of the flags."""
     if args.scenario_name is None:
-        if args.command is None:
+        if args.command is None and not args.live:
             raise ValueError("scenario_name: must be given, or --command")
         args.scenario_name = "walk_by_command"
     return command_line.scenario_from(args)

@@ -12,8 +12,9 @@ import pytest
 from pydrake.math import RollPitchYaw
 
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.live import endless
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.diagrams.simulation import closed_loop, simulate
+from nadia_balance.diagrams.simulation import closed_loop, simulate, start
 from nadia_balance.policy_controller import PolicyController, PolicyParams
 from nadia_balance.results.pages import write_plots
 from nadia_balance.results.story import telling_lines
@@ -21,6 +22,8 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import envelope, push
 from nadia_balance.scripts.sweep.trial import run_trial, search
+from nadia_balance.view.live_controls import FORWARD
+from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix, running
 from tests.onnx_bytes import linear_policy
 from tests.scripts.running import assert_refused, run_script
@@ -214,3 +217,19 @@ def test_a_sweep_pushes_the_policy_and_knows_its_file(made, tmp_path):
     made()
     with pytest.raises(ValueError, match=r"controller = .*: must be policy"):
         search(sweep, identity, cell, {})
+
+
+def test_the_user_commands_it_where_the_scenario_does_not(made):
+    """Oracle: the value of the slider in Meshcat, at the policy's port."""
+    meshcat = start_meshcat()[0]
+    scenario = endless(load_scenario("push", robot="g1"))
+    diagram = closed_loop(
+        scenario, policy=made(0.0 * W, 0.0 * B), meshcat=meshcat
+    )
+    meshcat.SetSliderValue(FORWARD, 0.2)
+    simulator = start(diagram)
+    simulator.AdvanceTo(0.1)
+    policy = diagram.controller
+    own = policy.GetMyContextFromRoot(simulator.get_context())
+    command = policy.GetInputPort("velocity_command").Eval(own)
+    assert command == pytest.approx([0.2, 0.0, 0.0])

@@ -77,7 +77,9 @@ FEEDTHROUGH = {
     ),
     "JointDrives": {"torques": ""},  # one step late
     "PolicyController": {"actuation": "estimated_state"},
-    "LiveControls": {"live_push": "", "mechanisms": ""},
+    "LiveControls": dict.fromkeys(
+        ("live_push", "mechanisms", "velocity_command"), ""
+    ),
     "MomentumQp": dict.fromkeys(QP, ICP_CONTROL),
     "MujocoPlant": {
         "state": "",

@@ -52,6 +52,9 @@ _INFLATE = """fetch("data:application/gzip;base64,%s")
     .then(res => new Response(
         res.body.pipeThrough(new DecompressionStream("gzip"))))
     .then(res => """
+_TITLE = re.compile("<title>.*?</title>")
+_LIVE_TITLE = """<title>nadia_balance live</title>
+  <meta name="viewport" content="width=device-width, initial-scale=1">"""
 _POINTS = 500  # largest number of points of a curve
 _POLLED = "/status"  # path of the live text, as a list of lines
 
@@ -120,13 +123,13 @@ def _compressed(command: re.Match) -> str:
     return _INFLATE % base64.b64encode(packed).decode()
 
 
-def _legend() -> str:
-    """The legend of the colours as HTML; empty squares are outlines."""
+def _legend(colors: dict[str, str] = palette.LEGEND) -> str:
+    """The legend of the `colors` as HTML; empty squares are outlines."""
 
     def square(color: str, outlined: bool) -> str:
         return f'<b style="color:{color}">&#{9632 + outlined};</b>'
 
-    named, outlined = palette.LEGEND.items(), palette.OUTLINED
+    named, outlined = colors.items(), palette.OUTLINED
     entries = [f"{square(c, name in outlined)} {name}" for name, c in named]
     feet = "".join(square(palette.foot_color(side), True) for side in Side)
     entries.append(f"{feet} foothold as adjusted")
@@ -206,8 +209,10 @@ class LivePage(ThreadingHTTPServer):
         page = self._fetched("/").decode()
         # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
+        page = _TITLE.sub(_LIVE_TITLE, page)
         live = _LIVE % _POLLED
-        self._page = _extended(page, _legend(), _STATUS, live).encode()
+        legend = _legend(palette.LEGEND | palette.LIVE_LEGEND)
+        self._page = _extended(page, legend, _STATUS, live).encode()
         super().__init__(("localhost", 0), _Handler)
 
     @property

@@ -8,12 +8,16 @@ import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Phase
 from nadia_balance.results import Log, pushes, signal, support_side
-from nadia_balance.results.measurements import CalmSteps, recovered_at
+from nadia_balance.results.measurements import (
+    SETTLED,
+    CalmSteps,
+    StandsWatch,
+    recovered_at,
+)
 from nadia_balance.systems.signals import PHASES, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
-QUIET = 1.0  # time of small ICP error to recover without steps [s]
 _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
@@ -62,13 +66,16 @@ class LiveStory:
     """
 
     def __init__(self, calm_steps: int):
-        """A recovery requires `calm_steps` full steps of small ICP error."""
+        """A recovery is `calm_steps` full steps of small ICP error.
+
+        Or it is to stand for SETTLED, with square feet (see StandsWatch).
+        """
         self._required = calm_steps
         self.last_push = self.result = ""
         self._number = 0.0  # number of the push at the last call of look()
         # Steps taken before the push; None: no push, or recovered.
         self._pushed_after: int | None = None
-        self._calm = CalmSteps()
+        self._calm, self._stands = CalmSteps(), StandsWatch()
 
     def look(self, time: float, walking, push, error: float) -> list[str]:
         """Returns lines on what is new at `time` [s]; `error` [m]: ICP's.
@@ -83,17 +90,20 @@ class LiveStory:
             self._pushed_after, self.result = taken, "pushed"
             told.append(self.last_push)
         self._number = float(push.number)
-        calm = self._calm.look(time, taken, error, push.number > 0.0)
+        pushed = push.number > 0.0
+        calm = self._calm.look(time, taken, error, pushed)
+        stood = self._stands.look(time, walking, error, pushed)
         if self._pushed_after is None:
             return told
-        enough = time - self._calm.since >= QUIET
-        if self._required and walking.target_side != 0.0:
-            enough = calm >= self._required
-        if enough:
-            self.result = recovery_words(self._calm.taken - self._pushed_after)
-            self._pushed_after = None
-            told.append(self.result)
-        return told
+        if stood >= SETTLED:
+            count = taken
+        elif calm >= self._required:
+            count = self._calm.taken
+        else:
+            return told
+        self.result = recovery_words(count - self._pushed_after)
+        self._pushed_after = None
+        return [*told, self.result]
 
     def fell(self, reason: str) -> str:
         """Records a fall and returns the line that reports it."""

@@ -1,8 +1,12 @@
-"""Buttons and sliders in Meshcat, for the user while the robot walks."""
+"""Buttons, sliders and a gamepad in Meshcat, for the user of a live session."""
 
+from collections.abc import Sequence
+
+import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.vocabulary import Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
@@ -15,6 +19,20 @@ SLIDERS = {
     DIRECTION: (0.0, 355.0, 5.0, 90.0),
     LENGTH: (0.02, 1.0, 0.02, 0.1),
 }
+FORWARD = "forward [m/s]"
+LEFT = "left [m/s]"
+TURN = "turn [rad/s]"
+# Sliders of the velocity command: the keys that lower and raise each.
+COMMANDS = {
+    FORWARD: ("KeyS", "KeyW"),
+    LEFT: ("KeyE", "KeyQ"),
+    TURN: ("KeyD", "KeyA"),
+}
+HALT, HALT_KEY = "Stop walking", "KeyX"  # all commands to 0
+# The largest of these has at least LEAST_STEPS up to a slider's limit.
+STEPS = (0.1, 0.05, 0.02, 0.01, 0.005)  # [m/s], [rad/s]
+LEAST_STEPS = 3
+DEAD_ZONE = 0.15  # share of a stick's way that counts as at rest [-]
 # The fields of Mechanisms, with the names of their buttons.
 LABELS = {
     "step": "step adjustment",
@@ -25,34 +43,56 @@ LABELS = {
 
 
 class LiveControls(LeafSystem):
-    """Turns buttons and sliders in Meshcat into signals.
+    """Turns buttons, sliders and a gamepad in Meshcat into signals.
 
     `live_push` is [clicks on Push, delta_v [m/s], direction [deg], length [s]];
-    0 deg is forward, 90 left.  `mechanisms` is 1 or 0 for each of Mechanisms;
-    each has a toggle button.  The outputs are the discrete state.
+    0 deg is forward, 90 left, seen from the support foot.  `mechanisms` is 1 or
+    0 for each of Mechanisms; each has a toggle button.  `velocity_command` is
+    forward, left [m/s] and turn [rad/s]: that of the gamepad while one of its
+    sticks is held, else that of the sliders.  The outputs are the discrete
+    state.
 
     .. pydrake_system::
 
         name: LiveControls
         input_ports: []
-        output_ports: [live_push, mechanisms]
+        output_ports: [live_push, mechanisms, velocity_command]
     """
 
-    def __init__(self, meshcat: Meshcat, on: Mechanisms, period: float = 0.02):
-        """Polls every `period` [s]; begins with these mechanisms."""
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        on: Mechanisms,
+        limits: Array,
+        period: float = 0.02,
+    ):
+        """Adds the controls, and begins to stand.
+
+        Args:
+            meshcat: where they are.
+            on: the mechanisms that are on at first.
+            limits: least and most of a velocity command, (2, 3), see
+                `core.plan.footstep_plan.velocity_limits`.
+            period: from one look at the controls to the next [s].
+        """
         super().__init__()
         self._meshcat = meshcat
+        self._limits = np.array(limits, dtype=float)
         meshcat.AddButton(PUSH, PUSH_KEY)
-        for name, (*limits, value) in SLIDERS.items():
+        for name, (*bounds, value) in SLIDERS.items():
             if name not in meshcat.GetSliderNames():
-                meshcat.AddSlider(name, *limits, value)
+                meshcat.AddSlider(name, *bounds, value)
             meshcat.SetSliderValue(name, value)
+        self._add_commands()
         self._show_mechanisms(on.as_vector())
-        self._push = self.DeclareDiscreteState([0.0, *self._sliders()])
+        self._push = self.DeclareDiscreteState([0.0, *self.aimed_push()])
         self._on = self.DeclareDiscreteState(on.as_vector())
-        self._before = self.DeclareDiscreteState(1)  # clicks before this run
+        self._command = self.DeclareDiscreteState(len(COMMANDS))
+        # Clicks on PUSH before this run, and those on HALT that were heard.
+        self._clicks = self.DeclareDiscreteState(2)
         self.DeclareStateOutputPort("live_push", self._push)
         self.DeclareStateOutputPort("mechanisms", self._on)
+        self.DeclareStateOutputPort("velocity_command", self._command)
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
 
@@ -62,8 +102,36 @@ class LiveControls(LeafSystem):
         mine = self.GetMyMutableContextFromRoot(new)
         mine.SetDiscreteState(self._on, on.value())
 
-    def _sliders(self) -> list[float]:
-        return [self._meshcat.GetSliderValue(s) for s in SLIDERS]
+    def aimed_push(self) -> list[float]:
+        """The push that a click would make: delta_v, direction, length."""
+        return [self._meshcat.GetSliderValue(name) for name in SLIDERS]
+
+    def command(self) -> Array:
+        """The velocity command (3,) of the gamepad, or of the sliders."""
+        pad = self._meshcat.GetGamepad()
+        if pad.index is not None:
+            held = stick_command(pad.axes, self._limits)
+            if held.any():
+                return held
+        return np.array([self._meshcat.GetSliderValue(c) for c in COMMANDS])
+
+    def _add_commands(self) -> None:
+        meshcat = self._meshcat
+        meshcat.AddButton(HALT, HALT_KEY)
+        least, most = self._limits
+        for i, (name, (lower, higher)) in enumerate(COMMANDS.items()):
+            step = slider_step(min(-least[i], most[i]))
+            # Whole steps from 0, so that 0 is one of the slider's values.
+            meshcat.DeleteSlider(name, strict=False)
+            meshcat.AddSlider(
+                name,
+                min=-step * max(int(-least[i] / step + 1e-9), 1),
+                max=step * max(int(most[i] / step + 1e-9), 1),
+                step=step,
+                value=0.0,
+                decrement_keycode=lower,
+                increment_keycode=higher,
+            )
 
     def _show_mechanisms(self, on) -> None:
         """Replaces all toggle buttons, which resets their clicks."""
@@ -75,17 +143,24 @@ class LiveControls(LeafSystem):
             self._meshcat.AddButton(_label(name, is_on))
 
     def _begin(self, context, state):
-        """Shows what is on, and forgets the clicks on Push, for a new run."""
+        """Shows what is on, and forgets the clicks before, for a new run."""
         # A button that is added again comes last, and hears its key twice.
-        state.set_value(self._before, [self._meshcat.GetButtonClicks(PUSH)])
+        clicks = [self._meshcat.GetButtonClicks(name) for name in (PUSH, HALT)]
+        state.set_value(self._clicks, clicks)
         self._show_mechanisms(context.get_discrete_state(self._on).value())
         state.get_mutable_vector(self._push)[0] = 0.0
         return EventStatus.Succeeded()
 
     def _poll(self, context, state):
-        (before,) = context.get_discrete_state(self._before).value()
+        before, heard = context.get_discrete_state(self._clicks).value()
         pushes = self._meshcat.GetButtonClicks(PUSH) - before
-        state.set_value(self._push, [pushes, *self._sliders()])
+        state.set_value(self._push, [pushes, *self.aimed_push()])
+        halts = self._meshcat.GetButtonClicks(HALT)
+        if halts > heard:
+            for name in COMMANDS:
+                self._meshcat.SetSliderValue(name, 0.0)
+            state.set_value(self._clicks, [before, halts])
+        state.set_value(self._command, self.command())
         on = context.get_discrete_state(self._on).value()
         labels = map(_label, LABELS, on)
         clicks = [self._meshcat.GetButtonClicks(label) for label in labels]
@@ -93,6 +168,29 @@ class LiveControls(LeafSystem):
             state.set_value(self._on, (on + clicks) % 2.0)
             self._show_mechanisms((on + clicks) % 2.0)
         return EventStatus.Succeeded()
+
+
+def stick_command(axes: Sequence[float], limits: Array) -> Array:
+    """Returns the velocity command (3,) of a gamepad's sticks.
+
+    Args:
+        axes: left stick to the right, left stick down, right stick to the
+            right, ..., each in [-1, 1]; missing ones are at rest.
+        limits: least and most of the command, (2, 3).  A stick that is pushed
+            all the way commands them; the left one forward and aside, the
+            right one turns.
+    """
+    right, down, clockwise, *_ = [*axes, 0.0, 0.0, 0.0]
+    pushed = -np.array([down, right, clockwise])
+    beyond = np.maximum(np.abs(pushed) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
+    least, most = limits
+    return np.where(pushed > 0.0, beyond * most, beyond * least)
+
+
+def slider_step(most: float) -> float:
+    """Returns the step of a slider that goes up to `most`, one of STEPS."""
+    fine = [step for step in STEPS if LEAST_STEPS * step <= most + 1e-9]
+    return max(fine, default=STEPS[-1])
 
 
 def _label(name: str, on: float) -> str:

@@ -291,12 +291,17 @@ def add_mechanisms(
     on: Mechanisms,
     push: PushSource,
     meshcat: Meshcat | None,
+    limits: Array,
 ) -> OutputPort:
-    """Adds the source of `mechanisms`: constant, or LiveControls."""
+    """Adds the source of `mechanisms`: constant, or LiveControls.
+
+    `limits` (2, 3) are least and most of a velocity command.
+    """
     if meshcat is None:
         source = ConstantVectorSource(on.as_vector())
         return builder.AddNamedSystem("mechanisms", source).get_output_port()
-    controls = builder.AddNamedSystem(CONTROLS, LiveControls(meshcat, on))
+    controls = LiveControls(meshcat, on, limits)
+    builder.AddNamedSystem(CONTROLS, controls)
     connect(builder, controls, push, "live_push")
     return controls.GetOutputPort("mechanisms")
 

@@ -1,0 +1,179 @@
+"""What a live session tells of a walk: its velocity, and why it fell.
+
+Pure: each watch is told what is measured, tick by tick.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from nadia_balance.core.body.reachability import closest_point
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.polygon import intersection, project
+from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
+
+REMEMBERED = 1.0  # time before a fall that may say why [s]
+MISSED = 0.01  # distances that count as outside of a region [m]
+# Of a velocity command.
+_UNITS = (("forward", "m/s"), ("left", "m/s"), ("turn", "rad/s"))
+
+
+class VelocityWatch:
+    """Measures the mean velocity over the last `window` [s]."""
+
+    def __init__(self, window: float):
+        """Two steps are a good window, as the body sways with each."""
+        self._window = window
+        # Time [s], x, y [m] and heading [rad], which does not jump.
+        self._looks: deque[tuple[float, float, float, float]] = deque()
+
+    def look(self, time: float, place: Array, heading: float) -> Array:
+        """Returns the mean velocity (3,): forward, left [m/s], turn [rad/s].
+
+        Args:
+            time: now [s].
+            place: of the robot now, (2,) in W [m].
+            heading: of the robot now [rad].
+        """
+        if self._looks:
+            last = self._looks[-1][3]
+            heading = last + math.remainder(heading - last, math.tau)
+        x, y = float(place[0]), float(place[1])
+        self._looks.append((time, x, y, heading))
+        while time - self._looks[0][0] > self._window + 1e-9:
+            self._looks.popleft()
+        then, x_then, y_then, heading_then = self._looks[0]
+        if time <= then:
+            return np.zeros(3)
+        # The way, seen from the heading in the middle of the time.
+        middle = 0.5 * (heading + heading_then)
+        c, s = math.cos(middle), math.sin(middle)
+        dx, dy = x - x_then, y - y_then
+        turned = heading - heading_then
+        way = np.array([c * dx + s * dy, c * dy - s * dx, turned])
+        return way / (time - then)
+
+
+def velocity_lines(commanded: Array, walked: Array) -> list[str]:
+    """Returns a line for forward, and for each of the others if commanded.
+
+    Args:
+        commanded: forward, left [m/s], turn [rad/s], (3,).
+        walked: the same, as measured.
+    """
+    lines = []
+    rows = zip(_UNITS, commanded, walked, strict=True)
+    for (name, unit), wanted, mean in rows:
+        line = f"commanded {_signed(wanted)}, walks {_signed(mean)} {unit}"
+        if name == "forward":
+            lines.append(line)
+        elif wanted:
+            lines.append(f"{name}: {line}")
+    return lines
+
+
+def _signed(value: float) -> str:
+    """Two digits, without the sign of -0.00."""
+    return f"{round(float(value), 2) + 0.0:.2f}"
+
+
+def distance_outside(regions: CaptureRegions) -> float:
+    """Distance [m] of the adjusted foothold from the capture region C_N."""
+    if regions.adjusted is None or not regions.regions:
+        return 0.0
+    captures = regions.regions[-1]
+    if not len(captures):
+        return 0.0
+    p_W = regions.adjusted.p_WF[:2]
+    return math.dist(p_W, project(p_W, captures))
+
+
+def distance_out_of_reach(regions: CaptureRegions) -> float:
+    """Distance [m] of the reachable region from the capture region C_N."""
+    if not regions.regions:
+        return 0.0
+    captures, reach = regions.regions[-1], regions.reach
+    if not len(captures) or not len(reach):
+        return 0.0
+    if len(intersection(reach, captures)):
+        return 0.0
+    return closest_point(reach, captures)[1]
+
+
+class FallWatch:
+    """Remembers, tick by tick, what may make the robot fall.
+
+    That is a foothold that does not capture the ICP, at its landing, or of the
+    foot in the air; and a joint that is faster than it can be.
+    """
+
+    def __init__(self) -> None:
+        """Nothing has been seen."""
+        # Times [s] and words of steps that have missed.
+        self._landed: deque[tuple[float, str]] = deque()
+        self._in_air = ""  # the same of the step in the air
+        self._since = math.inf  # [s]
+        # Times [s], names and shares of joints that were too fast.
+        self._fast: deque[tuple[float, str, float]] = deque()
+        self._errors: deque[tuple[float, float]] = deque()  # of the ICP [m]
+
+    def look(
+        self,
+        time: float,
+        regions: CaptureRegions | None,
+        icp_error: float,
+        joint: str = "",
+        speed_ratio: float = 0.0,
+    ) -> None:
+        """Remembers what is measured at `time` [s].
+
+        Args:
+            time: now [s].
+            regions: the capture regions; without any outside of a swing.
+            icp_error: distance of the ICP from its reference [m].
+            joint: the joint that is closest to its speed limit.
+            speed_ratio: its speed per limit [-].
+        """
+        words, swings = "", False
+        if regions is not None and regions.regions:
+            words, swings = missed_words(regions), True
+        if not swings and self._in_air:
+            self._landed.append((self._since, self._in_air))
+        if words and not self._in_air or not words:
+            self._since = time
+        self._in_air = words
+        if speed_ratio > 1.0:
+            self._fast.append((time, joint, speed_ratio))
+        self._errors.append((time, icp_error))
+        for queue in self._landed, self._fast, self._errors:
+            while queue and time - queue[0][0] > REMEMBERED + 1e-9:
+                queue.popleft()
+
+    def reason(self) -> str:
+        """Returns what was seen in the last second, the first of it first."""
+        causes: list[tuple[float, str]] = []
+        if self._in_air:
+            causes.append((self._since, self._in_air))
+        if self._landed:
+            causes = [self._landed[0]]  # what came after it was too late
+        if self._fast:
+            _, joint, ratio = max(self._fast, key=lambda seen: seen[2])
+            since = self._fast[0][0]
+            percent = f"{100.0 * ratio:.0f} %"
+            causes.append((since, f"{joint} at {percent} of its speed"))
+        if not causes and self._errors:
+            largest = max(error for _, error in self._errors)
+            return f"ICP error {largest:.2f} m"
+        return ", ".join(words for _, words in sorted(causes))
+
+
+def missed_words(regions: CaptureRegions) -> str:
+    """Says how a foothold misses the capture region; "" if it does not."""
+    outside = distance_outside(regions)
+    if outside <= MISSED:
+        return ""
+    gap = distance_out_of_reach(regions)
+    if gap > MISSED:
+        return f"capture region out of reach by {gap:.2f} m"
+    return f"foothold outside the capture region by {outside:.2f} m"

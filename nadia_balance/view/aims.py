@@ -1,0 +1,140 @@
+"""Arrows of what the user is about to do: the push, and the commanded way."""
+
+import math
+
+import numpy as np
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone
+from pydrake.math import RigidTransform, RotationMatrix
+
+from nadia_balance import palette
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.vocabulary import FootPoses, Side
+
+ROOT = "/aims"  # not part of the drawings of a run
+PUSH = f"{ROOT}/push"
+COMMAND = f"{ROOT}/command"
+METRES = 0.6  # length of the push's shaft, per [m/s] of the push [s]
+_GAP, _TIP = 0.2, 0.14  # from the CoM to the tip, length of the tip [m]
+AHEAD = 0.45  # from the CoM to where the commanded way begins [m]
+SHOWN = 1.5  # of the commanded way [s]
+_POINTS = 12  # of the commanded way
+_WIDTH, _HEAD = 0.03, 0.07  # half widths of its band and of its tip [m]
+_ABOVE = 0.009  # above the ground and all that is drawn there [m]
+
+
+class Aims:
+    """Draws the push before it is pushed, and the velocity command.
+
+    Neither is in a recording.
+    """
+
+    def __init__(self, meshcat: Meshcat):
+        """Adds the arrow of the push, hidden."""
+        self._meshcat = meshcat
+        self._delta_v = 0.0  # of the push that is drawn [m/s]
+        self._command: Array | None = None  # that is drawn
+        color = palette.rgba(palette.PUSH, 0.4)
+        for part, shape in (
+            ("shaft", Cylinder(0.012, 1.0)),
+            ("tip", MeshcatCone(_TIP, 0.04, 0.04)),
+        ):
+            path = f"{PUSH}/{part}"
+            meshcat.SetObject(path, shape, color)
+            # It is seen through the robot.
+            seen = f"{path}/<object>"
+            meshcat.SetProperty(seen, "material.depthTest", False)
+            meshcat.SetProperty(seen, "renderOrder", 1.0)
+        # A cone opens along z from its tip; the arrow's tip points along z.
+        over = RotationMatrix.MakeXRotation(math.pi)
+        tip = RigidTransform(over, [0.0, 0.0, -_GAP])
+        meshcat.SetTransform(f"{PUSH}/tip", tip)
+        meshcat.SetProperty(PUSH, "visible", False)
+
+    def draw_push(self, com: Array, yaw: float, delta_v: float) -> None:
+        """Draws the arrow of a push; none if it is of 0 m/s.
+
+        Args:
+            com: where it points, (3,) in W [m].
+            yaw: its direction in W [rad].
+            delta_v: its size [m/s], by which the shaft is long.
+        """
+        if delta_v != self._delta_v:
+            self._delta_v = delta_v
+            self._meshcat.SetProperty(PUSH, "visible", delta_v > 0.0)
+            length = max(METRES * delta_v, 1e-3)
+            shaft = np.diag([1.0, 1.0, length, 1.0])
+            shaft[2, 3] = -_GAP - _TIP - 0.5 * length
+            path = f"{PUSH}/shaft"
+            self._meshcat.SetTransform(path, np.asfortranarray(shaft))
+        along = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        R = RotationMatrix.MakeFromOneVector(along, 2)
+        self._meshcat.SetTransform(PUSH, RigidTransform(R, com))
+
+    def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
+        """Draws the commanded way on the ground; none if it is to stand.
+
+        Args:
+            command: forward, left [m/s] and turn [rad/s], (3,).
+            com: the robot's centre of mass, (3,) in W [m].
+            feet: its soles, which give the heading and the height.
+        """
+        if self._command is None or not np.array_equal(command, self._command):
+            self._command = np.array(command)
+            self._meshcat.Delete(COMMAND)
+            if np.any(command):
+                self._add_way(commanded_way(command))
+        if np.any(command):
+            height = max(float(feet[side].p_WF[2]) for side in Side)
+            R = RotationMatrix.MakeZRotation(heading(feet))
+            p_W = np.array([com[0], com[1], height + _ABOVE])
+            self._meshcat.SetTransform(COMMAND, RigidTransform(R, p_W))
+
+    def _add_way(self, way: Array) -> None:
+        """Adds a band along the points (n, 2) [m], with a tip at its end."""
+        edges = np.gradient(way, axis=0)
+        edges /= np.linalg.norm(edges, axis=1, keepdims=True)
+        normal = edges[:, ::-1] * [-1.0, 1.0]  # to the left
+        end, along, left = way[-1], edges[-1], normal[-1]
+        corners = np.concatenate(
+            [
+                way + _WIDTH * normal,
+                way - _WIDTH * normal,
+                [end + _HEAD * left, end - _HEAD * left],
+                [end + 2.0 * _HEAD * along],
+            ]
+        )
+        n = len(way)
+        i = np.arange(n - 1)
+        band = np.hstack([[i, i + n, i + n + 1], [i, i + n + 1, i + 1]])
+        tip = [[2 * n], [2 * n + 1], [2 * n + 2]]
+        triangles = np.hstack([band, tip]).astype(np.int32)
+        vertices = np.vstack([corners.T, np.zeros(len(corners))])
+        color = palette.rgba(palette.COMMAND, 0.8)
+        self._meshcat.SetTriangleMesh(COMMAND, vertices, triangles, color)
+
+
+def heading(feet: FootPoses) -> float:
+    """The mean yaw [rad] of both soles."""
+    turn = math.remainder(feet.right.yaw - feet.left.yaw, math.tau)
+    return feet.left.yaw + 0.5 * turn
+
+
+def commanded_way(command: Array) -> Array:
+    """Returns the way (n, 2) [m] of a point ahead in the next SHOWN seconds.
+
+    In the robot's frame now, whose origin moves by the `command` (3,): forward,
+    left [m/s] and turn w [rad/s].  The point is at p = (AHEAD, 0) of the frame:
+
+        x(t) = R(w t) p + integral of R(w s) v from 0 to t
+    """
+    forward, left, turn = np.asarray(command, dtype=float).tolist()
+    times = np.linspace(0.0, SHOWN, _POINTS)
+    angles = turn * times
+    if abs(turn) > 1e-9:
+        along = np.sin(angles) / turn
+        across = (1.0 - np.cos(angles)) / turn
+    else:
+        along, across = times, np.zeros_like(times)
+    x = AHEAD * np.cos(angles) + forward * along - left * across
+    y = AHEAD * np.sin(angles) + forward * across + left * along
+    return np.column_stack([x, y])
