@@ -10,13 +10,7 @@ from shapely.affinity import rotate, translate
 
 from nadia_balance.results import signal
 from nadia_balance.results.measurements import StandsWatch
-from tests.results.made_up_run import (
-    MASS,
-    Recipe,
-    cut,
-    make_log,
-    summary_of,
-)
+from tests.results.made_up_run import MASS, Recipe, cut, make_log, summary_of
 
 RESTLESS = "the ICP error did not stay below 0.05 m"
 SHORT = {"calm_steps": 2}
