@@ -23,7 +23,7 @@ from pydrake.common.yaml import yaml_dump_typed
 import nadia_balance
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.core.walking.vocabulary import NAMED
-from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.scenario import STANDING, Scenario
 from nadia_balance.results.folder import appearing, locked
 from nadia_balance.results.summary import versions
 from nadia_balance.robot.model import load_robot
@@ -186,7 +186,8 @@ def _parsed(line: dict[str, str]) -> dict:
         and row["replica"] >= 0
     ):
         raise ValueError(f"{', '.join(map(str, line.values()))}: is no trial")
-    Moment.parse(row["at"])
+    if row["at"] != STANDING:
+        Moment.parse(row["at"])
     return row
 
 
