@@ -72,9 +72,8 @@ class FootstepPlannerParams:
     recovery_transfer_duration: float = bounded(
         0.06, least=0.02, most=10.0, unit="s"
     )
-    # Distance of the ICP from the edge of the support, inward, beyond which the
-    # robot steps at once.
-    trigger_margin: float = bounded(0.0, unit="m", of="sole_width")
+    # Distance of the ICP outside of the support that ankles and hips hold.
+    held_outside: float = bounded(0.015, least=0.0, unit="m")
     # ICP error below which a robot is calm at touchdown.
     calm_error: float = bounded(0.04, above=0.0, unit="m")
     # Feet that are this close to being side by side may stand.
@@ -290,10 +289,10 @@ class FootstepPlan:
         )
 
     def leaves(self, feet: FootPoses, icp: Array) -> bool:
-        """True if the ICP (2,) [m] is outside of what both soles hold."""
+        """True if the ICP (2,) [m] is beyond what both soles and hips hold."""
         soles = [feet[side].to_world(self.model.cop_area) for side in Side]
         support = convex_hull(np.concatenate(soles))
-        return not contains(icp, support, -self.params.trigger_margin)
+        return not contains(icp, support, self.params.held_outside)
 
     def first_side(
         self, schedule: walking.ContactSchedule, command: Array

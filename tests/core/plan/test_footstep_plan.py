@@ -54,15 +54,15 @@ def asked(icp=(0.0, 0.0), command=STILL, velocity=None, **changes):
 @pytest.mark.parametrize(
     ("icp", "steps"),
     [
-        ((0.124, 0.0), False),
-        ((0.126, 0.0), True),
-        ((0.0, EDGE - 1e-3), False),
-        ((0.0, EDGE + 1e-3), True),
-        ((-0.13, -0.1), True),
+        ((0.139, 0.0), False),
+        ((0.141, 0.0), True),
+        ((0.0, EDGE + 14e-3), False),
+        ((0.0, EDGE + 16e-3), True),
+        ((-0.145, -0.1), True),
     ],
 )
 def test_steps_as_soon_as_the_icp_leaves_the_soles_and_not_before(icp, steps):
-    """Oracle: soles of 0.25 m x 0.12 m, 0.25 m apart, by hand.
+    """Oracle: 15 mm beyond soles of 0.25 m x 0.12 m, 0.25 m apart, by hand.
 
     Without the mechanism, it does not step at all.
     """
