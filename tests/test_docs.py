@@ -168,8 +168,8 @@ def test_some_lines_more_are_uneven_ground():
     ("number", "acts", "idle"),
     [
         (0, "step_adjuster=mine", ""),
-        (1, "self.B.T @", "0.0 * self.B.T @"),
         (2, "self.B.T @", "0.0 * self.B.T @"),
+        (3, "self.B.T @", "0.0 * self.B.T @"),
     ],
 )
 def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
@@ -189,6 +189,25 @@ def test_some_40_lines_are_a_block_of_ones_own(number, acts, idle):
 
     keeps, falls = once("docs.own_blocks", block, executed)
     assert falls and not keeps
+
+
+def test_some_30_lines_are_a_footstep_planner_of_ones_own():
+    """Oracles: the text; by hand: steps of 0.2 m, turned by 0.1 rad each."""
+    block = blocks(OWN, "python")[1]
+
+    def walked() -> tuple[int, float, float]:
+        names = {}
+        exec(block, names)
+        run = names["run"]
+        walking = signal(run.logs, "walking_signal", -1)
+        move = walking.left - walking.right
+        ahead = abs(move[:2] @ [math.cos(move[2]), math.sin(move[2])])
+        return run.summary["steps_taken"], float(ahead), float(abs(move[2]))
+
+    taken, ahead, turned = once("docs.own_blocks", block, walked)
+    assert f'`run.summary["steps_taken"]` is {taken}.' in OWN
+    assert ahead == pytest.approx(0.2, abs=0.05)
+    assert turned == pytest.approx(0.1, abs=0.02)
 
 
 def test_some_20_lines_are_a_task_of_ones_own():

@@ -56,11 +56,11 @@ class FootstepPlannerParams:
     # Limits of the change of speed.
     acceleration: float = bounded(0.6, above=0.0, unit="m/s^2")
     yaw_acceleration: float = bounded(1.5, above=0.0, unit="rad/s^2")
-    # Share of the reach, and of the time of a swing, that commands may use.
-    share_of_reach: float = bounded(0.9, above=0.0, most=1.0)
-    # That of the width beyond side by side: from farther apart, the trunk has
-    # to help a foot in.
-    share_of_width: float = bounded(0.6, above=0.0, most=1.0)
+    # Share of the reach that commands may use, ahead and beyond side by side:
+    # from farther apart, the trunk has to help a foot on.
+    share_of_reach: float = bounded(0.5, above=0.0, most=1.0)
+    # Share of a swing in which its foot must be able to come.
+    share_of_swing: float = bounded(0.9, above=0.0, most=1.0)
     # Largest turn of a foot to the other one by command.
     max_turn_deg: float = bounded(40.0, above=0.0, most=90.0, unit="deg")
     # Share of a swing in which its foothold follows the command.
@@ -134,12 +134,13 @@ def _limits(
     """Returns the largest speeds (2, 3), forwards and backwards, of a pace.
 
     A step is within `share_of_reach` of the base region, and its foot, which
-    moves by two steps, is there within that share of the swing.
+    moves by two steps, is there within `share_of_swing`.
     """
     reach, share = model.reach, params.share_of_reach
     time = pace * (params.swing_duration + params.transfer_duration)
     detour = model.detour
-    left = share * pace * params.swing_duration - detour.settling
+    left = params.share_of_swing * pace * params.swing_duration
+    left -= detour.settling
     # time_from_rest, solved for the length.
     way = min(
         left * detour.max_speed, 0.25 * detour.max_acceleration * left * left
@@ -147,7 +148,7 @@ def _limits(
     way = max(way, 0.0)
     ahead = min(share * reach.length_forward, 0.5 * way)
     back = min(share * reach.length_backward, 0.5 * way)
-    aside = params.share_of_width * (reach.width_max - model.step_width)
+    aside = share * (reach.width_max - model.step_width)
     aside = 0.5 * min(aside + room_inside(model), way)
     turn = math.radians(params.max_turn_deg)
     return np.array([[ahead, aside, turn], [back, aside, turn]]) / time
