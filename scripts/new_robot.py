@@ -31,7 +31,8 @@ def main(argv: list[str] | None = None) -> int:
         for root in args.package_root or []:
             if not root.is_dir():
                 raise ValueError(f"package-root = {root}: must be a folder")
-        source = args.file.resolve(strict=True)
+        args.file.stat()  # the error names it as the user did
+        source = args.file.resolve()
         for path in (args.out / name for name in MADE):
             if path.resolve() == source:
                 raise ValueError(f"out = {args.out}: must not be that of FILE")

@@ -9,6 +9,7 @@ import fcntl
 import functools
 import hashlib
 import json
+import os
 import pickle
 import platform
 import shutil
@@ -64,6 +65,9 @@ def _kept(key: str, make: Callable) -> Any:
 def sources() -> str:
     """A fingerprint of the project's files, and of what runs them."""
     texts = [json.dumps(np.show_config("dicts")), platform.python_version()]
+    # With the processor, above, what chooses the kernels of BLAS: their last
+    # bits differ.
+    texts.append(os.environ.get("OPENBLAS_CORETYPE", ""))
     texts += [f"{package} {version(package)}" for package in PACKAGES]
     paths = {path for name in FOLDERS for path in (ROOT / name).rglob("*.*")}
     paths.add(ROOT / "pyproject.toml")  # of the wheel

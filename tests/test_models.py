@@ -166,7 +166,9 @@ def test_all_links_but_neighbours_can_touch(name):
     """Oracle: all pairs of links that have shapes, less a list by hand."""
     pelvis = ROBOTS[name].pelvis_body
     links = URDFS[name].iter("link")
-    shaped = {link.get("name") for link in links if link.find("collision")}
+    shaped = {
+        link.get("name") for link in links if link.find("collision") is not None
+    }
     pairs = set(map(frozenset, itertools.combinations(shaped, 2)))
     legs = [(pelvis, *leg) for leg in LEGS[name]]
     for chain in (*legs, *CHAINS.get(name, [])):

@@ -71,9 +71,25 @@ FROM_SUMMARY = (
     *("com_sag_m", "positive_power_w", "qp_failures"),
 )
 
+DIGITS = 4  # significant ones: what a measured number is worth [-]
+
 KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
 COLUMNS = (*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push")
 _TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
+
+
+def with_digits(row: dict, columns: Iterable[str]) -> dict:
+    """Returns a row whose floats in `columns` have `DIGITS` digits.
+
+    Another processor, Python or Drake changes the digits beyond them.  A push
+    that was tried is no measurement: it stays as it is, to the last bit.
+    """
+    measured = {
+        name: float(f"{row[name]:.{DIGITS}g}")
+        for name in columns
+        if isinstance(row[name], float)
+    }
+    return {**row, **measured}
 
 
 def results_of(rows: list[dict]) -> Results:
@@ -96,6 +112,7 @@ class Rows:
         """Adds a trial; raises OSError if it cannot be written."""
         row = {k: row.get(k) for k in COLUMNS}
         row["reason"] = " ".join((row["reason"] or "").split())
+        row = with_digits(row, FROM_SUMMARY)
         csv.DictWriter(self.file, COLUMNS, lineterminator="\n").writerow(row)
         self.file.flush()
         os.fsync(self.file.fileno())

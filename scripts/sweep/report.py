@@ -24,8 +24,14 @@ from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
-from nadia_balance.scripts.sweep import OUTCOMES, Rows
-from nadia_balance.scripts.sweep.limits import LIMITS, LimitTable, Record
+from nadia_balance.scripts.sweep import DIGITS, OUTCOMES, Rows, with_digits
+from nadia_balance.scripts.sweep.limits import (
+    LIMITS,
+    OTHERS,
+    WORST,
+    LimitTable,
+    Record,
+)
 
 PICTURE, TABLES = "envelope.png", "tables.md"
 
@@ -37,7 +43,7 @@ ended, or nothing larger was decided). The limit is the largest push that any
 controller could recover from, computed for {{}}. With hips, the eCMP may leave
 the soles by as much as the controller's may; falling, the CoM sinks as fast as
 the controller's may at each touchdown, too (to first order).
-[`{LIMITS}`]({LIMITS}) has all digits."""
+[`{LIMITS}`]({LIMITS}) has {DIGITS} digits of each number."""
 # What each table has: column of a record, its title, digits, and the column by
 # which it is divided.
 Kind = tuple[str, str, int, str]
@@ -84,7 +90,8 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
             head = limits.records[0]
             lines = csv.DictWriter(file, head, lineterminator="\n")
             lines.writeheader()
-            lines.writerows(limits.records)
+            for record in limits.records:
+                lines.writerow(with_digits(record, [*OTHERS, *WORST]))
     return [PICTURE, TABLES, LIMITS]
 
 

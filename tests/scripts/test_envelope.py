@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import io
+import re
 import shutil
 import signal
 import subprocess
@@ -208,15 +209,39 @@ def test_runs_that_are_too_short_have_no_limit(tmp_path):
     assert once(tmp_path, "--plot-only").code == 3
 
 
+NUMBER = re.compile(r"\d+\.\d+")
+
+
+def words_and_numbers(text):
+    """The words between the numbers with a point, and these as they stand."""
+    return NUMBER.sub("#", text).split(), NUMBER.findall(text)
+
+
+def assert_same_to_the_last_digit(ours, theirs):
+    """The last digit that both print may differ by one, and nothing else.
+
+    Another processor, BLAS or Drake computes the limits anew, equal to some
+    1e-9: a number that is so near to the middle between two neighbours is
+    rounded to the other one.
+    """
+    words, numbers = words_and_numbers(ours)
+    published_words, published_numbers = words_and_numbers(theirs)
+    assert words == published_words
+    for number, published in zip(numbers, published_numbers, strict=True):
+        digits = max(len(n.partition(".")[2]) for n in (number, published))
+        difference = abs(float(number) - float(published))
+        assert difference < 1.01 * 10.0**-digits, (number, published)
+
+
 def test_the_published_folder_gives_the_published_tables(tmp_path):
-    """Oracle: its files, which earlier code has written."""
+    """Oracle: its files, which earlier code has written, on another machine."""
     published = ROOT / "docs" / "results" / "g1"
     for name in (TRIALS, "scenario.yaml"):
         shutil.copy(published / name, tmp_path)
     assert once(tmp_path, "--plot-only").code == 0
     for name in ("tables.md", "limits.csv"):
         found = (tmp_path / name).read_text()
-        assert found == (published / name).read_text(), name
+        assert_same_to_the_last_digit(found, (published / name).read_text())
 
 
 REFUSED = [

@@ -55,6 +55,6 @@ def test_foot_poses_are_those_of_the_soles(side):
     (poses,), context = outputs(state, "foot_poses"), context_at(state)
     foot = PLANT.GetBodyByName(ROBOT.foot_bodies[side])
     X_WS = PLANT.EvalBodyPoseInWorld(context, foot) @ ROBOT.X_FootSole[side]
-    x, y, _ = X_WS.rotation().col(0)
+    x, y, _ = X_WS.rotation().matrix()[:, 0]
     assert poses[side].p_WF == pytest.approx(X_WS.translation(), abs=1e-12)
     assert poses[side].yaw == pytest.approx(math.atan2(y, x), abs=1e-12)

@@ -113,7 +113,7 @@ def test_no_region_is_steeper_than_friction_allows():
 
     def tilted(degrees, **more):
         turn = AngleAxis(math.radians(degrees), np.array([0.6, -0.8, 0.0]))
-        normal = RotationMatrix(turn).col(2).tolist()
+        normal = RotationMatrix(turn).matrix()[:, 2].tolist()
         slope = square("b", 2.0, normal=normal, **more)
         return Ground((square("a"), slope), SOLE)
 

@@ -3,16 +3,17 @@
 Oracle: the limits from which the trials were made up; the rest by hand.
 """
 
+import csv
 import math
 
 import numpy as np
 import pytest
 
 from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.scripts.sweep import Cell, report
-from nadia_balance.scripts.sweep.limits import protocol_of
+from nadia_balance.scripts.sweep import Cell, Rows, report
+from nadia_balance.scripts.sweep.limits import LIMITS, protocol_of
 from nadia_balance.scripts.sweep.search import SearchParams
-from tests.scripts.sweep.made_up import AT, made_up_rows, table_of
+from tests.scripts.sweep.made_up import AT, identity_of, made_up_rows, table_of
 
 ALL = "all_with_cross_over"
 COARSE = SearchParams(resolution=0.1, stride=4, largest=2.0)
@@ -82,6 +83,21 @@ def test_a_table_stands_beside_the_paper_and_the_limit():
         "tilt of the torso at the largest push [deg]": ("23",) * 4,
     }.items():
         assert read_table(found, kinds[title])[ALL] == values
+
+
+def test_the_file_of_the_limits_has_four_digits(tmp_path):
+    """Oracle: by hand; a push that was tried is as exact as it was."""
+    search = SearchParams(resolution=0.00001, stride=1, replicas=1)
+    rows = made_up_rows({Cell(*AT, "step", 0.0): 0.5}, COARSE)[:1]
+    rows[0] |= {"delta_v": 0.12346, "positive_power_w": 12345.678}
+    limits = table_of(rows, search)
+    limits.records[0]["limit"] = 2.0 / 3.0
+    folder = Rows(tmp_path, identity_of(search), rows)
+    report.write_report(limits, folder)
+    with open(tmp_path / LIMITS, encoding="utf-8") as file:
+        (line,) = csv.DictReader(file)
+    assert (line["recovered"], line["limit"]) == ("0.12346", "0.6667")
+    assert line["positive_power_w"] == "12350.0"
 
 
 def test_marks_what_is_not_sure():

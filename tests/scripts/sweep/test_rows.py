@@ -1,12 +1,20 @@
 """What is in the file stays there, and nothing else gets in."""
 
+import csv
 import hashlib
 import random
 import sys
 
 import pytest
 
-from nadia_balance.scripts.sweep import KEY, TRIALS, Rows, code_hash
+from nadia_balance.scripts.sweep import (
+    FROM_SUMMARY,
+    KEY,
+    TRIALS,
+    Rows,
+    code_hash,
+)
+from nadia_balance.scripts.sweep.limits import LIMITS, OTHERS, WORST
 from nadia_balance.scripts.sweep.search import SearchParams
 from tests.scripts.sweep.made_up import identity_of, made_up_rows, papers
 from tests.source_files import ROOT
@@ -26,6 +34,29 @@ def test_has_every_row_that_was_added(tmp_path):
     rows = Rows.read(tmp_path)
     assert rows.identity == IDENTITY
     assert rows.all == sorted(ROWS, key=lambda r: [r[n] for n in KEY])
+
+
+def test_a_measurement_has_four_digits_and_a_push_all_of_its_own(tmp_path):
+    """Oracle: by hand; the search would make a rounded push once more."""
+    measured = {"max_icp_error_m": 1.0 / 7.0, "positive_power_w": 12345.678}
+    row = {**ROWS[0], **measured, "delta_v": 0.123456789, "qp_failures": 12345}
+    with Rows.opened(tmp_path, IDENTITY) as rows:
+        rows.add(row)
+    rounded = {"max_icp_error_m": 0.1429, "positive_power_w": 12350.0}
+    assert rows.all == Rows.read(tmp_path).all == [row | rounded]
+
+
+def test_the_published_files_have_four_digits():
+    """Oracle: the digits as they stand, of all that is measured or computed."""
+    columns = {*FROM_SUMMARY, *OTHERS, *WORST} - {"reason"}
+    for path in [*RESULTS.rglob(TRIALS), *RESULTS.rglob(LIMITS)]:
+        text = path.read_text("utf-8")
+        lines = [line for line in text.splitlines() if line[0] != "#"]
+        assert len(lines) > 1, path
+        for line in csv.DictReader(lines):
+            for name in columns & {*line}:
+                digits = line[name].partition("e")[0].replace(".", "")
+                assert len(digits.strip("0")) <= 4, f"{path}: {name}"
 
 
 def test_refuses_another_sweep_and_another_process(tmp_path):
