@@ -21,6 +21,8 @@ from nadia_balance.scripts.sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records
 BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
+# First push of a robot that stands, whose limit is not known, per sqrt(g z) [-].
+BEGIN_STANDING = 0.2
 # The paper's; those of any controller, without and with angular momentum, and
 # with a CoM that falls at each touchdown.
 OTHERS = ("paper", "limit", "with_hips", "falling")
@@ -217,13 +219,19 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     Raises ValueError: the push is not within the walk.
     """
     limits: dict[Situation, tuple[LipmLimit, ...]] = {}
+    model = load_robot(sweep.one.robot).point_mass
+    speed = model.omega * model.com_height  # sqrt(g z)
     first = {}
     for cell in sweep.cells():
         if (one := cell[:2]) not in limits:
             limits[one] = limits_of(sweep.scenarios[one[0]], one)
-        for with_hips in limits[one][1:2]:
-            limit = replace(with_hips, on=vocabulary.NAMED[cell.mechanisms])
-            first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
+        if not limits[one]:
+            first[cell] = BEGIN_STANDING * speed
+            continue
+        limit = replace(
+            limits[one][1], on=vocabulary.NAMED[cell.mechanisms]
+        )
+        first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 
 

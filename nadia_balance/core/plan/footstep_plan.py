@@ -62,7 +62,7 @@ class FootstepPlannerParams:
     # Share of a swing in which its foot must be able to come.
     share_of_swing: float = bounded(0.9, above=0.0, most=1.0)
     # Largest turn of a foot to the other one by command.
-    max_turn_deg: float = bounded(40.0, above=0.0, most=90.0, unit="deg")
+    max_turn_deg: float = bounded(30.0, above=0.0, most=90.0, unit="deg")
     # Share of a swing in which its foothold follows the command.
     revised_share: float = bounded(0.5, least=0.0, most=1.0)
     # Of steps that catch the robot.

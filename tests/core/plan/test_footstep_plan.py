@@ -112,7 +112,7 @@ def captured(icp: np.ndarray, side: Side) -> int:
 
 
 @pytest.mark.parametrize("angle", np.radians([0, 40, 75, 150, 200, 245, 320]))
-@pytest.mark.parametrize("distance", [0.22, 0.3])
+@pytest.mark.parametrize("distance", [0.24, 0.3])
 def test_no_fewer_steps_capture_the_icp_than_are_queued(angle, distance):
     """Oracle: C_n by shapely, at the earliest touchdown.
 
@@ -238,19 +238,20 @@ def test_steps_are_within_reach_and_in_time(share):
 
 
 def test_limits_are_those_of_reach_foot_speed_and_step_time():
-    """Oracle: by hand, of a foot of at most 2 m/s and 50 m/s^2."""
-    slow = replace(MODEL, detour=replace(MODEL.detour, max_speed=2.0))
+    """Oracle: by hand, of a foot of at most 2 m/s."""
+    detour = replace(MODEL.detour, max_speed=2.0, max_acceleration=100.0)
+    slow = replace(MODEL, detour=detour)
     least, most = velocity_limits(PARAMS, slow)
-    # 0.9 of 0.6 s at 2 m/s is 1.08 m of way, half of it ahead.
-    assert most[0] == pytest.approx(0.54 / 0.8)
-    assert least[0] == pytest.approx(-0.54 / 0.8)
-    # Steps of 0.45 x 0.8 s, 0.6 of the width from 0.25 to 0.8 m, and the room.
-    aside = 0.5 * min(0.6 * 0.55 + 0.0625, 0.9 * 0.27 * 2.0)
+    # Steps of 0.45 x 0.8 s: 0.9 of 0.27 s at 2 m/s, half of this way is ahead.
+    assert most[0] == pytest.approx(0.243 / 0.36)
+    assert least[0] == pytest.approx(-0.243 / 0.36)
+    # Half of the width from 0.25 to 0.8 m, and the room.
+    aside = 0.5 * (0.5 * 0.55 + 0.0625)
     assert most[1] == pytest.approx(aside / 0.36)
-    assert most[2] == pytest.approx(math.radians(40.0) / 0.36)
+    assert most[2] == pytest.approx(math.radians(30.0) / 0.36)
     assert pace(PARAMS, slow, np.array([0.3, 0.0, 0.0])) == 1.0
     quick = pace(PARAMS, slow, np.array([0.0, 0.4, 0.0]))
-    assert quick == pytest.approx((0.5 * 0.3925 / 0.8) / 0.4)
+    assert quick == pytest.approx((aside / 0.8) / 0.4)
 
 
 def test_the_speed_changes_by_the_acceleration_in_each_step():
