@@ -210,11 +210,16 @@ class FootstepPlanner(LeafSystem):
 
     def _limited(self, context) -> np.ndarray:
         """The velocity commanded (3,), within the limits."""
+        command = self._command(context)
+        if not command.any():
+            return command
         least, most = self.limits
-        return np.clip(self._command(context), least, most)
+        return np.clip(command, least, most)
 
     def _update(self, context, state):
         velocity, command = self._velocity(context), self._limited(context)
+        if not (command.any() or velocity.any()):
+            return EventStatus.DidNothing()
         if self._walking(context).mode is walking.Mode.RECOVERING:
             command = np.zeros(3)  # the walk begins anew when it is calm
         velocity += np.clip(command - velocity, -self._change, self._change)
@@ -235,12 +240,15 @@ class FootstepPlanner(LeafSystem):
         )
 
     def _calc_revised(self, context) -> tuple[walking.Footstep, ...] | None:
-        state = self._walking(context)
-        if state.schedule.phase is walking.Phase.STANDING:
-            return None
         velocity, command = self._velocity(context), self._limited(context)
-        if np.array_equal(velocity, command):
+        if (velocity == command).all():
             return None
+        return self._revised(self._walking(context), velocity, command)
+
+    def _revised(
+        self, state: walking.WalkingState, velocity, command
+    ) -> tuple[walking.Footstep, ...] | None:
+        """Returns the footsteps that have not landed; None: as they are."""
         return self._planner.revised(state, velocity, command)
 
 
@@ -286,10 +294,12 @@ class FixedFootsteps(FootstepPlanner):
         known = self._model, self._period
         return remaining_footsteps(self._fixed, state, feet, *known)
 
-    def _calc_revised(self, context) -> tuple[walking.Footstep, ...] | None:
-        if self._walking(context).steps_taken < len(self._fixed):
+    def _revised(
+        self, state: walking.WalkingState, velocity, command
+    ) -> tuple[walking.Footstep, ...] | None:
+        if state.steps_taken < len(self._fixed):
             return None
-        return super()._calc_revised(context)
+        return super()._revised(state, velocity, command)
 
 
 class VelocityCommands(LeafSystem):
