@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.core.walking.vocabulary import FootPose, Mode, Phase, Side
 from nadia_balance.systems import signals
 from nadia_balance.systems.push_source import BOUNCE, LOADED
 
@@ -112,6 +112,46 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
         )
         for first, end in itertools.pairwise(edges)
     ]
+
+
+@dataclass(frozen=True)
+class ModeSpan:
+    """A time in which the mode stays the same."""
+
+    mode: Mode
+    first: int  # row in the log
+    start: float  # [s]
+    end: float  # [s]
+
+
+def mode_spans(log: Log) -> list[ModeSpan]:
+    """Returns the modes of the run, in order; none if they are not logged."""
+    if "walking_signal" not in log or not len(log["t"]):
+        return []
+    t, mode = log["t"], signal(log, "walking_signal").mode
+    edges = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(t) - 1]
+    return [
+        ModeSpan(
+            mode=signals.MODES[int(mode[first])],
+            first=first,
+            start=float(t[first]),
+            end=float(t[last]),
+        )
+        for first, last in itertools.pairwise(edges)
+    ]
+
+
+def velocity_commands(log: Log) -> list[tuple[float, np.ndarray]]:
+    """Returns the times [s] of changes of the velocity command, and it (3,).
+
+    The first one is the command at the start, if it is not to stand.
+    """
+    if "velocity_command" not in log:
+        return []
+    told = log["velocity_command"]
+    before = np.vstack([np.zeros(3), told[:-1]])[: len(told)]
+    rows = np.flatnonzero(np.any(told != before, axis=1))
+    return [(float(log["t"][row]), told[row]) for row in rows]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces
 from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results import Log, icp_error, pushes, signal, steps
+from nadia_balance.results.live_watches import VelocityWatch
 from nadia_balance.systems.signals import PHASES
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
@@ -66,10 +67,34 @@ class StandsWatch:
 def is_square(walking: Any) -> bool:
     """True if the feet of a WalkingSignal, in one row, are side by side."""
     x, y, yaw = walking.right - walking.left
-    heading = walking.left[2] + 0.5 * math.remainder(yaw, math.tau)
+    heading = _heading(walking)
     ahead = x * math.cos(heading) + y * math.sin(heading)
     turned = math.degrees(math.remainder(yaw, math.tau))
     return abs(ahead) < SQUARE and abs(turned) < SQUARE_DEG
+
+
+def _heading(walking: Any) -> float:
+    """The heading [rad] of the frame between the feet, in one row."""
+    turn = math.remainder(walking.right[2] - walking.left[2], math.tau)
+    return float(walking.left[2] + 0.5 * turn)
+
+
+def walked_velocity(log: Log) -> tuple[Array, float] | None:
+    """Returns the velocity (n, 3) walked, and the time [s] of its means.
+
+    It is the mean of two steps, as in a live session (see VelocityWatch), of
+    the CoM, in the frame between the feet.  None without these, or steps.
+    """
+    landings = logs.landings(log)
+    if not {"walking_signal", "com_state"} <= {*log} or len(landings) < 2:
+        return None
+    window = 2.0 * float(np.median(np.diff(landings)))
+    watch, velocity = VelocityWatch(window), []
+    places = signal(log, "com_state").position[:2].T
+    for row, (time, place) in enumerate(zip(log["t"], places, strict=True)):
+        heading = _heading(signal(log, "walking_signal", row))
+        velocity.append(watch.look(float(time), place, heading))
+    return np.array(velocity), window
 
 
 def stands_square(log: Log) -> bool:

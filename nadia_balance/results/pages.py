@@ -25,7 +25,7 @@ from nadia_balance.core.walking.vocabulary import Phase, Side
 from nadia_balance.results import Log, measurements, plots, pushes, steps
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots import footsteps
-from nadia_balance.results.story import telling
+from nadia_balance.results.story import command_words, tell_commands, telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
 
@@ -141,29 +141,54 @@ def replay_status(log: Log, summary: dict) -> str:
 
     Each line of the story appears at its time; the last one, the result of the
     run, is shortened to its first part.  Buttons below jump to the begin of
-    each push and step, below curves of ICP error, foot forces and torque.
+    each push, step and command, below curves of ICP error, foot forces and
+    torque.
     """
     color, told = palette.foot_color, telling(log, summary)
     ends = "#1b7a3d" if summary["recovered"] else "#c01a2e"  # green, or red
     story = [[time, " ".join(text.split()), ""] for time, text in told[:-1]]
     story += [[t, text.split("   ")[0], ends] for t, text in told[-1:]]
-    phases = []
-    for span in logs.phase_spans(log):
-        side = f"{span.swing_side.value} " * (span.phase is not Phase.STANDING)
-        phases.append([span.start, f"{side}{span.phase.value}"])
     jumps = [[p.start, "push", palette.PUSH] for p in pushes(log)]
+    jumps += [[t, text, palette.COMMAND] for t, text in tell_commands(log)]
     for s in steps(log):
         jumps.append([s.swing.start, f"step {s.number}", color(s.side)])
     names = "scenario", "robot", "plant", "mechanisms"
     said = {
         "title": "  ·  ".join(str(summary[n]) for n in names if n in summary),
-        "phases": phases,
+        "phases": _moments(log),
         "story": story,
         "jumps": jumps,
         "curves": _curves(log),
         "end": float(log["t"][-1]),
     }
     return _STATUS + _REPLAY % json.dumps(said).replace("<", "\\u003c")
+
+
+def _moments(log: Log) -> list[tuple[float, str]]:
+    """Times, and what the status says from then on: mode, phase, command.
+
+    Such as `recovering (left swing)`, or `standing`.
+    """
+    phases = []
+    for span in logs.phase_spans(log):
+        side = f"{span.swing_side.value} " * (span.phase is not Phase.STANDING)
+        phases.append((span.start, f"{side}{span.phase.value}"))
+    modes = [(span.start, span.mode.value) for span in logs.mode_spans(log)]
+    commands = [
+        (time, command_words(command))
+        for time, command in logs.velocity_commands(log)
+    ]
+    tracks = modes, phases, commands
+    texts = []
+    for time in sorted({time for track in tracks for time, _ in track}):
+        mode, phase, command = (
+            next((text for t, text in reversed(track) if t <= time), "")
+            for track in tracks
+        )
+        during = f" ({phase})" if phase != mode else ""
+        moment = f"{mode}{during}" if mode else phase
+        texts.append((time, ", ".join(filter(None, (moment, command)))))
+    return texts
 
 
 def _curves(log: Log) -> list[list]:

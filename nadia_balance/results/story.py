@@ -1,23 +1,27 @@
 """The story of a run, finished or live: one line for each event."""
 
+import itertools
 import math
 
 import numpy as np
 
 import nadia_balance.results as logs
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import Phase
+from nadia_balance.core.walking.vocabulary import Mode, Phase
 from nadia_balance.results import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import (
     SETTLED,
     CalmSteps,
     StandsWatch,
+    is_square,
     recovered_at,
 )
 from nadia_balance.systems.signals import PHASES, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
+# More changes of the velocity command are not reported.
+TOLD_COMMANDS = 12
 _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
@@ -27,11 +31,20 @@ def telling_lines(log: Log, summary: dict) -> list[str]:
 
 
 def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
-    """Returns times [s] and lines of pushes, changed steps and the result."""
+    """Returns times [s] and lines of pushes, changed steps and the result.
+
+    So are the changes of the velocity command, and when a robot that stood has
+    to step, and stands again.
+    """
     told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
     told += _tell_steps(log)
     told.sort(key=lambda entry: entry[0])
     end = _end_time(log, summary)
+    if summary["fell_at"] is None and told:
+        end = max(end, told[-1][0])
+    outcome = _tell_outcome(log, summary, end)
+    told += [*tell_commands(log), *_tell_modes(log)]
+    told.sort(key=lambda entry: entry[0])
     if summary["fell_at"] is None and told:
         end = max(end, told[-1][0])  # the result is the last line
     figures = _figures(
@@ -41,7 +54,7 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
         ("QP violation {:.0e}", "max_qp_violation", 1.0),
         ("real-time factor {:.1f}", "real_time_factor", 1.0),
     )
-    line = "   ".join([_tell_outcome(log, summary, end), *figures])
+    line = "   ".join([outcome, *figures])
     return [*told, (end, line.replace("e-0", "e-"))]
 
 
@@ -152,6 +165,22 @@ def move_words(step: logs.Step) -> str:
     return " and ".join(parts)
 
 
+def command_words(command: Array) -> str:
+    """Describes a velocity command (3,): `forward 0.30 m/s`, or `to stand`."""
+    words = []
+    for value, ahead, back, unit in zip(
+        command.tolist(),
+        ("forward", "left", "turn left"),
+        ("backward", "right", "turn right"),
+        ("m/s", "m/s", "rad/s"),
+        strict=True,
+    ):
+        if value:
+            words.append(f"{ahead if value > 0.0 else back} {abs(value):.2f}")
+            words[-1] += f" {unit}"
+    return f"commanded {', '.join(words) or 'to stand'}"
+
+
 def recovery_words(count: int) -> str:
     """Describes a recovery that took `count` steps."""
     plural = "" if count == 1 else "s"
@@ -183,6 +212,38 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
         if text := ", ".join(filter(None, changes)):
             which = f"{_ORDINALS.get(number, f'{number}th')} step"
             told.append((step.swing.end, f"{which} ({step.side.value}) {text}"))
+    return told
+
+
+def tell_commands(log: Log) -> list[tuple[float, str]]:
+    """Returns times [s] and lines of the commands; none if they are many."""
+    changes = logs.velocity_commands(log)
+    if len(changes) > TOLD_COMMANDS:
+        return []
+    return [(time, command_words(command)) for time, command in changes]
+
+
+def _tell_modes(log: Log) -> list[tuple[float, str]]:
+    """Times and lines of a robot that stood, has to step, and stands again.
+
+    One that has come to the end of its gait has not stood before.
+    """
+    told, modes, phases = [], logs.mode_spans(log), logs.phase_spans(log)
+    for before, span in itertools.pairwise(modes):
+        changes = before.mode, span.mode
+        if changes == (Mode.STANDING, Mode.RECOVERING):
+            told.append((span.start, "steps, to recover"))
+    taken = math.inf  # steps, when it last stood
+    if modes and modes[0].mode is Mode.STANDING:
+        taken = signal(log, "walking_signal", 0).steps_taken
+    for span in phases:
+        walking = signal(log, "walking_signal", span.first)
+        if span.phase is not Phase.STANDING or not span.first:
+            continue
+        square = "ground" in log or is_square(walking)
+        if square and walking.steps_taken > taken:
+            told.append((span.start, "stands"))
+        taken = walking.steps_taken
     return told
 
 

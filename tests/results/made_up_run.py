@@ -11,10 +11,15 @@ import numpy as np
 
 from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.vocabulary import Mode, Phase, Side
 from nadia_balance.results.summary import Run, RunInfo
 from nadia_balance.systems import signals
-from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
+from nadia_balance.systems.signals import (
+    MODES,
+    PHASES,
+    PushSignal,
+    WalkingSignal,
+)
 
 T, OMEGA, MASS = 0.002, 3.2, 90.9
 HALF_WIDTH = 0.125
@@ -106,6 +111,10 @@ def _walking_signal(recipe: Recipe) -> np.ndarray:
             now.left[:], now.right[:] = feet[Side.LEFT], feet[Side.RIGHT]
             now.target[:] = goal if moved else plan
             now.target_side = side
+            mode = Mode.WALKING if side else Mode.STANDING
+            if moved and not np.array_equal(plan, goal):
+                mode = Mode.RECOVERING
+            now.mode = MODES.index(mode)
             rows.append(now[:])
 
     for k in range(1, recipe.num_steps + 1):

@@ -1,5 +1,6 @@
 """The replay in a browser."""
 
+import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
@@ -18,6 +19,7 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
     meshcat, path = start_meshcat()[0], tmp_path / "replay.html"
     pages.start_recording(meshcat)
     log = make_log(Recipe())
+    log["velocity_command"] = np.tile([0.3, 0.0, 0.0], (len(log["t"]), 1))
     summary = summary_of(log) | {"scenario": "</script>"}
     told = telling(log, summary)
     end, _ = told[-1]
@@ -30,8 +32,10 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
     for time in end - 0.1, end + 0.5:
         seek = "(t) => { viewer.animator.pause(); viewer.animator.seek(t); }"
         page.evaluate(seek, time)
-        phase = "right swing" if time < end else "left swing"
-        clock = f"t = {time:.2f} s, {phase}"
+        phase = "recovering (right swing)"
+        if time > end:
+            phase = "walking (left swing)"
+        clock = f"t = {time:.2f} s, {phase}, commanded forward 0.30 m/s"
         shown = "(t) => document.body.innerText.includes(t)"
         page.wait_for_function(shown, arg=clock)
         shown = " ".join(page.inner_text("#status").split())

@@ -27,6 +27,27 @@ def test_the_timeline_says_how_long_each_phase_took(log):
     assert written.count("(0.70)") == 2
     assert written.count("(0.30)") == 1
     assert "push 545 N" in written
+    (axes,) = figure.axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        *("left", "right", "mode")
+    ]
+    named = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert named[2:] == ["standing", "walking", "recovering"]
+
+
+def test_the_velocity_walked_is_beside_that_commanded():
+    """Oracle: steps of 0.2 m in 1 s each; the CoM goes along."""
+    log = make_log(Recipe(length=0.2, pushed_step=None, changed={}))
+    log["velocity_command"] = np.tile([0.2, 0.0, 0.0], (len(log["t"]), 1))
+    _, axes = draw_contacts(log, summary_of(log)).axes
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    late = (log["t"] > 3.5) & (log["t"] < 5.0)
+    assert lines["forward [m/s]"][late] == pytest.approx(0.2, abs=0.01)
+    assert lines["left [m/s]"][late] == pytest.approx(0.0, abs=0.02)
+    assert lines["turn [rad/s]"] == pytest.approx(0.0)
+    assert (axes.lines[0].get_ydata() == 0.2).all()
+    log["velocity_command"][:] = 0.0
+    assert len(draw_contacts(log, summary_of(log)).axes) == 1
 
 
 def test_measured_contacts_are_those_of_the_forces(log):

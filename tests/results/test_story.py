@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
+from nadia_balance.core.walking.vocabulary import Mode, Phase
 from nadia_balance.results import pushes, signal
-from nadia_balance.results.story import direction_words, telling_lines
-from tests.results.made_up_run import make_log, summary_of
+from nadia_balance.results.story import (
+    TOLD_COMMANDS,
+    direction_words,
+    telling,
+    telling_lines,
+)
+from nadia_balance.systems.signals import MODES, PHASES
+from tests.results.made_up_run import Recipe, T, make_log, summary_of
 
 
 def story(log, **told):
@@ -50,3 +57,81 @@ def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
     first = pushes(log)[0]
     row = signal(log, "walking_signal", first.first)
     assert direction_words(row, first.force) == word
+
+
+def commanded(*rows, recipe=None):
+    """A log with the commands of the rows (time, forward, left, turn)."""
+    log = make_log(recipe or Recipe(pushed_step=None, changed={}))
+    told = np.zeros((len(log["t"]), 3))
+    for time, *command in rows:
+        told[log["t"] >= time - 0.5 * T] = command
+    return log | {"velocity_command": told}
+
+
+def test_tells_each_change_of_the_command_in_order_of_time():
+    """Oracle: the rows, word by word; to go on at the same speed is none.
+
+    The push is told among them; the result is the last line.
+    """
+    rows = (
+        (0.0, 0.3, 0.0, 0.0),
+        (1.0, 0.3, 0.0, 0.0),
+        (1.5, -0.2, -0.1, 0.0),
+        (2.0, 0.0, 0.1, -0.25),
+        (5.0, 0.0, 0.0, 0.0),
+    )
+    log = commanded(*rows, recipe=Recipe(changed={}))
+    *told, result = [line for _, line in telling(log, summary_of(log))]
+    assert result.startswith("RECOVERED ")
+    assert told == [
+        "commanded forward 0.30 m/s",
+        "commanded backward 0.20 m/s, right 0.10 m/s",
+        "push 0.60 m/s outward, left swing 25 %        F = 545 N for 0.10 s",
+        "commanded left 0.10 m/s, turn right 0.25 rad/s",
+        "commanded to stand",
+    ]
+
+
+def test_tells_no_command_where_there_is_none_or_very_many():
+    """Oracle: the number of lines; the result of a run is always told."""
+    count = TOLD_COMMANDS
+    for number, lines in (0, 1), (count, 1 + count), (count + 1, 1):
+        rows = [(0.1 * i, 0.1 * (i + 1), 0.0, 0.0) for i in range(number)]
+        log = commanded(*rows)
+        assert len(telling(log, summary_of(log))) == lines, number
+
+
+def standing_at_first(log):
+    """The log of a robot that stood before it began to step, to recover."""
+    walking = signal(log, "walking_signal")
+    stood = walking.phase == PHASES.index(Phase.STANDING)
+    walking.mode[walking.mode == MODES.index(Mode.WALKING)] = MODES.index(
+        Mode.RECOVERING
+    )
+    walking.mode[stood] = MODES.index(Mode.STANDING)
+    return log
+
+
+def test_tells_when_a_robot_that_stood_steps_and_stands_again():
+    """Oracle: the recipe: it stands for 0.5 s, takes six steps of 1 s, and
+    stands 0.8 s after them; without square feet it does not.
+    """
+    log = standing_at_first(make_log(Recipe(pushed_step=None, changed={})))
+    told = telling(log, summary_of(log))
+    assert told[0] == (pytest.approx(0.5), "steps, to recover")
+    assert told[1] == (pytest.approx(0.5 + 6.0 + 0.8), "stands")
+    assert told[2][1].startswith("WALKED 6 steps")
+    walking = signal(log, "walking_signal")
+    walking.left_x[walking.steps_taken == 6.0] += 0.3
+    told = [line for _, line in telling(log, summary_of(log))]
+    assert "stands" not in told and "steps, to recover" in told
+
+
+def test_the_steps_of_a_recovery_are_counted_until_it_has_recovered():
+    """Oracle: the recovery of the recipe, in 2 steps, whatever comes later."""
+    log = make_log()
+    log["velocity_command"] = np.zeros((len(log["t"]), 3))
+    log["velocity_command"][log["t"] > 5.0, 0] = 0.3
+    *_, (_, command), (time, result) = telling(log, summary_of(log))
+    assert command == "commanded forward 0.30 m/s" and time > 5.0
+    assert result.startswith("RECOVERED in 2 steps ")

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch, Polygon
 import nadia_balance.results as logs
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.vocabulary import Mode, Phase, Side
 from nadia_balance.results import Log, icp_error, pushes, signal
 from nadia_balance.results import measurements as measured
 
@@ -53,6 +53,18 @@ CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _SHORT = 20.0  # longest run whose durations are written [s]
 _HEAD = "-|>,head_width=0.3,head_length=0.6"  # of arrows
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
+_MODE_Y = -0.95  # of the strip of modes
+_MODE_COLORS = {
+    Mode.STANDING: "#cfd4dc",
+    Mode.WALKING: "#7d8fb3",
+    Mode.RECOVERING: "#d88a93",
+}
+# Parts of a velocity, and their colours.
+_VELOCITY = {
+    "forward [m/s]": "#3b6fb6",
+    "left [m/s]": "#c2571a",
+    "turn [rad/s]": "#2b8a5f",
+}
 
 
 def plan_view(ax: Axes, x: tuple, y: tuple, **more) -> None:
@@ -269,9 +281,13 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
     """Draws planned (pale) and measured contacts, with durations [s].
 
     Those of a swing are where its foot is in the air, and below them in
-    brackets as planned, if that was changed.
+    brackets as planned, if that was changed.  Below the feet is the mode, and
+    below that the velocity commanded, if one is, and walked.
     """
-    fig, (ax,) = time_axes(log, summary, "Contacts", [2.4], label=True)
+    modes, commanded = logs.mode_spans(log), logs.velocity_commands(log)
+    heights = [2.4 + 0.3 * bool(modes), *([1.5] if commanded else [])]
+    fig, axes = time_axes(log, summary, "Contacts", heights, label=True)
+    ax = axes[0]
     spans = logs.phase_spans(log)
     for side, y in _FOOT_Y.items():
         look = {"facecolor": palette.foot_color(side), "lw": 0}
@@ -279,12 +295,24 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
         ax.broken_barh(plan, (y + 0.02, 0.4), alpha=0.3, **look)
         if "foot_forces" in log:
             ax.broken_barh(logs.contacts(log, side), (y - 0.42, 0.4), **look)
-    ax.set(ylim=(-0.6, 2.6))
-    ax.set_yticks([*_FOOT_Y.values()], [s.value for s in _FOOT_Y])
+    places = {side.value: y for side, y in _FOOT_Y.items()}
+    if modes:
+        places["mode"] = _MODE_Y
+        for span in modes:
+            bar = [(span.start, span.end - span.start)]
+            look = {"color": _MODE_COLORS[span.mode], "lw": 0, "zorder": 3}
+            ax.broken_barh(bar, (_MODE_Y - 0.12, 0.24), **look)
+    ax.set(ylim=(min(places.values()) - (0.25 if modes else 0.6), 2.6))
+    ax.set_yticks([*places.values()], [*places])
     ax.grid(axis="y", visible=False)
     bars = [Patch(color=FAINT, alpha=0.3, label="as planned")] if spans else []
     bars.append(Patch(color=FAINT, label="as measured"))
-    _legend(ax, 2, handles=bars)
+    seen = {span.mode for span in modes}
+    for mode in filter(seen.__contains__, Mode):
+        bars.append(Patch(color=_MODE_COLORS[mode], label=mode.value))
+    _legend(ax, len(bars), handles=bars)
+    for panel in axes[1:]:
+        _draw_velocity(panel, log)
     for span in spans if np.ptp(log["t"]) < _SHORT else ():
         if not span.complete or span.phase is Phase.STANDING:
             continue
@@ -299,3 +327,23 @@ def draw_contacts(log: Log, summary: dict) -> Figure:
         where = 0.5 * (span.start + span.end), y
         ax.text(*where, text, ha="center", va="center", **look)
     return fig
+
+
+def _draw_velocity(ax: Axes, log: Log) -> None:
+    """Draws the velocity commanded, and walked, if it is known."""
+    walked = measured.walked_velocity(log)
+    told = log["velocity_command"]
+    for i, (name, color) in enumerate(_VELOCITY.items()):
+        look = {"color": color, "drawstyle": "steps-post"}
+        ax.plot(log["t"], told[:, i], lw=3.0, alpha=0.35, **look)
+        if walked is None:
+            ax.lines[-1].set_label(name)
+        else:
+            ax.plot(log["t"], walked[0][:, i], color=color, lw=1.2, label=name)
+    ax.set(ylabel="velocity\ncommanded" + "\nand walked" * bool(walked))
+    _legend(ax, len(_VELOCITY))
+    if walked is not None:
+        text = f"pale: commanded; walked: mean of the last {walked[1]:.1f} s"
+        units = "axes fraction", "offset points"
+        look = {"fontsize": 8, "color": FAINT}
+        ax.annotate(text, (0.0, 1.0), (2, 3), *units, **look)
