@@ -6,6 +6,7 @@ import importlib
 import inspect
 import io
 import json
+import math
 import re
 import shlex
 import textwrap
@@ -21,10 +22,12 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
 import reference
+from nadia_balance.results import signal
 from nadia_balance.robot.params import RobotParams
-from nadia_balance.scripts import push
-from nadia_balance.scripts.command_line import CommandLine, scenario_from
+from nadia_balance.scripts import push, simulate
+from nadia_balance.scripts.command_line import CommandLine
 from nadia_balance.scripts.envelope import sweep_from
+from nadia_balance.systems.signals import PHASES
 from tests import run_cache
 from tests.results import made_up_run
 from tests.scripts.running import ended, python
@@ -44,8 +47,11 @@ CELLS = [
     if cell["cell_type"] == "code"
 ]
 # What a command line goes on to check.
-MAKERS = {"simulate": scenario_from, "envelope": sweep_from}
-MAKERS["push"] = push._pushed_scenario
+MAKERS = {
+    "envelope": sweep_from,
+    "push": push._pushed_scenario,
+    "simulate": simulate._scenario,
+}
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -118,7 +124,7 @@ def test_two_lines_push_the_robot():
 
 def test_a_plant_of_ones_own_is_that_of_the_robot():
     """Oracle: `add_plant_to`: the same bodies, in the same posture."""
-    _, block, _ = blocks(DIAGRAM, "python")
+    _, block, *_ = blocks(DIAGRAM, "python")
     robot, own = nb.load_robot("nadia"), MultibodyPlant(0.001)
     exec(block, {"nb": nb, "robot": robot, "plant": own})
     made, _ = robot.add_plant_to(DiagramBuilder())
@@ -134,7 +140,7 @@ def test_some_lines_more_are_uneven_ground():
     """Oracle: by hand: two of its steps of 0.3 m, and a sole beyond the edge
     at 0.5 m, it stands on the block of 10 cm.
     """
-    *_, block = blocks(DIAGRAM, "python")
+    *_, block, _ = blocks(DIAGRAM, "python")
     assert "num_steps=4" in block
     block = block.replace("num_steps=4", "num_steps=2")
 
@@ -162,6 +168,33 @@ def test_some_lines_more_are_uneven_ground():
     assert x == pytest.approx(0.5 + 0.02 + 0.125, abs=0.05)
     assert y == pytest.approx(0.0, abs=0.05)
     assert z == pytest.approx(0.1, abs=0.01)
+
+
+def test_some_lines_command_a_walk():
+    """Oracle: by hand: an arc with a radius of 0.3 / 0.2 m, for 3.5 s.
+
+    It stands at the end, and hears the command at most a step late.
+    """
+    *_, block = blocks(DIAGRAM, "python")
+    assert "(0.5, 0.3, 0.0, 0.2), (4.0, 0.0, 0.0, 0.0)" in block
+
+    def walked() -> list[float]:
+        names = {"nb": nb}
+        exec(block, names)
+        log = names["run"].logs
+        walking = signal(log, "walking_signal", -1)
+        x, y = signal(log, "com_state", -1).position[:2]
+        yaw = 0.5 * (walking.left_yaw + walking.right_yaw)
+        return [float(part) for part in (x, y, yaw, walking.phase)]
+
+    x, y, yaw, phase = once("docs.diagram.command", block, walked)
+    assert phase == PHASES.index(nb.Phase.STANDING)
+    assert yaw == pytest.approx(0.2 * 3.5, abs=0.2 * 0.8)
+    radius = 0.3 / 0.2
+    assert math.hypot(x, y) == pytest.approx(
+        2.0 * radius * math.sin(0.5 * yaw), abs=0.03
+    )
+    assert math.atan2(y, x) == pytest.approx(0.5 * yaw, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -200,9 +233,11 @@ def test_some_30_lines_are_a_footstep_planner_of_ones_own():
         exec(block, names)
         run = names["run"]
         walking = signal(run.logs, "walking_signal", -1)
-        move = walking.left - walking.right
-        ahead = abs(move[:2] @ [math.cos(move[2]), math.sin(move[2])])
-        return run.summary["steps_taken"], float(ahead), float(abs(move[2]))
+        feet = walking.left, walking.right
+        behind, first = sorted(feet, key=lambda foot: foot[2])
+        move, yaw = first - behind, behind[2]
+        ahead = move[0] * math.cos(yaw) + move[1] * math.sin(yaw)
+        return run.summary["steps_taken"], float(ahead), float(move[2])
 
     taken, ahead, turned = once("docs.own_blocks", block, walked)
     assert f'`run.summary["steps_taken"]` is {taken}.' in OWN
