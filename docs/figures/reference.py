@@ -21,6 +21,7 @@ from nadia_balance.core.plan.gait import Foothold, Gait, StepVector
 from nadia_balance.core.walking.push import Push
 from nadia_balance.core.walking.vocabulary import Mechanisms
 from nadia_balance.diagrams.scenario import (
+    Command,
     Place,
     Scenario,
     load_scenario,
@@ -252,6 +253,7 @@ def page() -> str:
         ("gait.steps[].", StepVector),
         ("gait.footholds[].", Foothold),
         ("pushes[].", Push),
+        ("commands[].", Command),
         ("imperfections.", Imperfections),
         ("terrain.", Terrain),
         ("terrain.error.", GroundError),
