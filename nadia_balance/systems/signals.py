@@ -106,8 +106,12 @@ class PushSignal(namedview("PushSignal", _PUSH.split())):
     force = entries(2, 5)
 
 
-# In the level frame between the feet [m/s], [rad/s].
-VelocityCommand = namedview("VelocityCommand", ["forward", "left", "turn"])
+class VelocityCommand(
+    namedview("VelocityCommand", ["forward", "left", "turn"])
+):
+    """In the level frame between the feet [m/s], [rad/s]; 0 is to stand."""
+
+
 FootForces = namedview("FootForces", [side.value for side in Side])
 
 
