@@ -139,17 +139,19 @@ def _legend(colors: dict[str, str] = palette.LEGEND) -> str:
 def replay_status(log: Log, summary: dict) -> str:
     """Returns the HTML of the status text of a replay.
 
-    Each line of the story appears at its time; the last one, the result of the
-    run, is shortened to its first part.  Buttons below jump to the begin of
+    Each line of the story appears at its time, but for the commands, as the
+    present one is told beside the mode; the last one, the result of the run, is
+    shortened to its first part.  Buttons below jump to the begin of
     each push, step and command, below curves of ICP error, foot forces and
     torque.
     """
-    color, told = palette.foot_color, telling(log, summary)
+    color, commands = palette.foot_color, tell_commands(log)
+    told = [line for line in telling(log, summary) if line not in commands]
     ends = "#1b7a3d" if summary["recovered"] else "#c01a2e"  # green, or red
     story = [[time, " ".join(text.split()), ""] for time, text in told[:-1]]
     story += [[t, text.split("   ")[0], ends] for t, text in told[-1:]]
     jumps = [[p.start, "push", palette.PUSH] for p in pushes(log)]
-    jumps += [[t, text, palette.COMMAND] for t, text in tell_commands(log)]
+    jumps += [[time, text, palette.COMMAND] for time, text in commands]
     for s in steps(log):
         jumps.append([s.swing.start, f"step {s.number}", color(s.side)])
     names = "scenario", "robot", "plant", "mechanisms"
