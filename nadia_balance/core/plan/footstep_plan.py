@@ -206,16 +206,20 @@ class FootstepPlan:
         next_velocity = self.after_step(velocity, command)
         moves = bool(np.any(np.abs(next_velocity) > _STILL))
         if schedule.phase is Phase.SWING:
-            side = schedule.support_side
+            side, stance = (
+                schedule.support_side,
+                feet[schedule.support_side.other],
+            )
+            caught = self.was_caught(state)
             # A push has priority over the command.
             if moves and error < 2.0 * p.calm_error:
-                return self.queue(side, feet[side.other], velocity, command)
+                return self.queue(side, stance, velocity, command, caught)
             if on.step and self.leaves(feet, icp):
                 return self.recovery((side,), schedule, feet, icp, on)
-            if error < p.calm_error:
+            if error < p.calm_error and not caught:
                 return self.squaring(side, feet, p.transfer_duration)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
-            return self.squaring(side, feet)
+            return self.squaring(side, feet, reactive=True)
         if on.step and self.leaves(feet, icp):
             return self.recovery(tuple(Side), schedule, feet, icp, on)
         if moves:
@@ -225,6 +229,21 @@ class FootstepPlan:
         if schedule.phase is Phase.STANDING and calm:
             return self.squaring(schedule.support_side.other, feet)
         return ()
+
+    def was_caught(self, state: walking.WalkingState) -> bool:
+        """True if the step in the air of `state` is not where it was told.
+
+        The ICP is then not on its way to the next foot, as in a walk: it takes
+        as long a transfer as from standing.
+        """
+        adjustment = state.adjustment
+        if state.schedule.footsteps[0].reactive:
+            return True
+        if adjustment is None:
+            return False
+        told = adjustment.nominal.pose.p_WF[:2]
+        away = math.dist(adjustment.pose.p_WF[:2], told)
+        return away > self.params.calm_error
 
     def after_step(self, velocity: Array, command: Array) -> Array:
         """Returns the velocity (3,) at the next landing, from `velocity` on."""
@@ -314,12 +333,17 @@ class FootstepPlan:
         return self._placed(wanted, stance, side)
 
     def squaring(
-        self, side: Side, feet: FootPoses, transfer: float | None = None
+        self,
+        side: Side,
+        feet: FootPoses,
+        transfer: float | None = None,
+        reactive: bool = False,
     ) -> tuple[Footstep, ...]:
         """Returns the step that puts the foot of `side` beside the other one.
 
         () if it is there, or cannot be.  The `transfer` [s] before it is the
-        first one of a walk if it is not given.
+        first one of a walk if it is not given; `reactive` is a step that still
+        belongs to a recovery.
         """
         p, foot = self.params, feet[side]
         pose = self.beside(side, feet[side.other])
@@ -335,7 +359,8 @@ class FootstepPlan:
             return ()
         if transfer is None:
             transfer = p.initial_transfer_duration
-        return (Footstep(side, pose, transfer, p.swing_duration),)
+        swing = p.swing_duration
+        return (Footstep(side, pose, transfer, swing, reactive),)
 
     def queue(
         self,

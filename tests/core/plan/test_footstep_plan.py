@@ -265,7 +265,10 @@ def test_the_speed_changes_by_the_acceleration_in_each_step():
 
 
 def test_a_walk_that_is_to_stop_closes_its_feet():
-    """Oracle: by hand: the next foot beside the one that landed ahead."""
+    """Oracle: by hand: the next foot beside the one that landed ahead.
+
+    After a step that caught the robot, the weight shifts as from standing.
+    """
     schedule = walks.swing(length=0.3)
     landed = schedule.footsteps[0].pose
     feet = schedule.feet.with_foot(Side.RIGHT, landed)
@@ -276,6 +279,11 @@ def test_a_walk_that_is_to_stop_closes_its_feet():
     assert step.side is Side.LEFT and not step.reactive
     expected = landed.p_WF + [0.0, 0.25, 0.0]
     assert step.pose.p_WF == pytest.approx(expected)
+    assert step.transfer_duration == PARAMS.transfer_duration
+    caught = replace(schedule.footsteps[0], reactive=True)
+    after = replace(schedule, footsteps=(caught,))
+    (slow,) = asked(schedule=after, feet=feet, **rest)
+    assert slow.transfer_duration == PARAMS.initial_transfer_duration
     feet = feet.with_foot(Side.LEFT, step.pose)
     assert asked(schedule=schedule, feet=feet, **rest) == ()
 
@@ -289,12 +297,14 @@ def test_stands_where_it_landed_if_the_feet_hold_it():
     ahead = walking.FootPose([0.5, -0.125, 0.0])
     feet = schedule.feet.with_foot(Side.RIGHT, ahead)
     (step,) = asked((0.4, 0.0), schedule=schedule, feet=feet)
-    assert step.side is Side.LEFT and not step.reactive
+    assert step.side is Side.LEFT
+    assert step.transfer_duration == PARAMS.initial_transfer_duration
     assert step.pose.p_WF == pytest.approx([0.5, 0.125, 0.0])
     (back,) = asked((0.1, 0.0), schedule=schedule, feet=feet)
     assert back.side is Side.RIGHT
     beyond = asked((0.8, 0.0), schedule=schedule, feet=feet)
-    assert beyond[0].side is Side.LEFT and beyond[0].reactive
+    assert beyond[0].side is Side.LEFT
+    assert beyond[0].transfer_duration == PARAMS.recovery_transfer_duration
 
 
 def test_a_push_has_priority_over_the_command():
