@@ -21,7 +21,7 @@ from nadia_balance.scripts.sweep.trial import limit_from
 
 LIMITS = "limits.csv"  # its lines are the records
 BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
-# First push of a robot that stands, whose limit is not known, per sqrt(g z) [-].
+# First push of a robot that stands, of unknown limit, over sqrt(g z) [-].
 BEGIN_STANDING = 0.2
 # The paper's; those of any controller, without and with angular momentum, and
 # with a CoM that falls at each touchdown.
