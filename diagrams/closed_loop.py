@@ -30,6 +30,10 @@ LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
 DRAWN = """walking_state com_state icp icp_reference ecmp_command
     capture_regions push_force""".split()
 COMMAND = "velocity_command"
+# Inputs of a controller that a diagram connects itself.
+WIRED = (
+    "estimated_state foot_poses foot_forces icp com_state mechanisms".split()
+)
 EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
 
 
@@ -92,8 +96,9 @@ class ClosedLoop(framework.Diagram):
             sources[COMMAND] = self._commands(builder)
         for name, source in sources.items():
             what = f"sources[{name!r}] = {type(source).__name__}: must"
-            if not controller.HasInputPort(name):
-                raise ValueError(f"{what} be of an input of the controller")
+            if name in WIRED or not controller.HasInputPort(name):
+                free = "velocity_command, or one that a missing block leaves"
+                raise ValueError(f"{what} be of an open input: {free}")
             if not source.HasOutputPort(name):
                 raise ValueError(f"{what} have an output {name!r}")
             if source.get_name() in ("", "_"):

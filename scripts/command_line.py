@@ -11,6 +11,7 @@ import sys
 import webbrowser
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn, TextIO
 
@@ -31,6 +32,7 @@ from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
+from nadia_balance.typed_yaml import load_tree
 from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)
@@ -182,7 +184,8 @@ def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
     about = "whether it is given the state, or estimates it from noisy sensors"
     add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
     add("--mechanisms", help=MECHANISMS)
-    about = 'to walk: forward, left [m/s], turn [rad/s], such as "0.3 0 0.2"'
+    about = "walk at this velocity, in the place of any steps: forward, left "
+    about += '[m/s], turn [rad/s], such as "0.3 0 0.2"'
     add("--command", type=velocity, metavar="V", help=about)
     about = "push.py takes the scenario of this name, if there is one"
     places = ", ".join((terrain.FLAT, *terrain.COURSES))
@@ -213,11 +216,10 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
     """Returns the checked scenario of the flags."""
     same = "robot fidelity engine sensors mechanisms duration seed".split()
     changes = {name: getattr(args, name) for name in same}
-    if args.command is not None:
-        forward, left, turn = args.command
-        changes["commands"] = [Command(forward=forward, left=left, turn=turn)]
     file, text = args.scenario_file, args.scenario_text
     scenario = load_scenario(args.scenario_name, file, text, **changes)
+    if args.command is not None:
+        _walk_by(scenario, args.command, text)
     if scenario.robot.endswith((".yaml", ".yml")):
         # It may be read again, or simulated, in another folder.
         scenario.robot = str(Path(scenario.robot).resolve())
@@ -225,6 +227,25 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         scenario.terrain.name = args.terrain
         check(scenario)
     return scenario
+
+
+def _walk_by(
+    scenario: Scenario, velocity: Sequence[float], text: str | None
+) -> None:
+    """Replaces the steps and commands of the `scenario` by one command.
+
+    Raises ValueError: the scenario's `text` has steps.
+    """
+    steps = "num_steps", "steps", "footholds"
+    gait = load_tree(text or "{}").get("gait") or {}
+    for name in steps:
+        if name in gait:
+            why = "must not come with commands"
+            raise ValueError(f"gait.{name} = {gait[name]!r}: {why}")
+    scenario.gait = replace(scenario.gait, num_steps=0, steps=[], footholds=[])
+    forward, left, turn = velocity
+    scenario.commands = [Command(forward=forward, left=left, turn=turn)]
+    check(scenario)
 
 
 def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:

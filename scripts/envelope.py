@@ -84,7 +84,7 @@ def parser_of() -> command_line.CommandLine:
     about += 'left; "90," for one), or how many all around'
     add("--directions", help=about)
     about = f"when the push begins, such as {AT.replace('%', '%%')}, "
-    about += f'or "{STANDING}", with no steps at all'
+    about += f'or "{STANDING}", told to walk nowhere'
     add("--at", help=about)
     add("--resolution", type=finite, help="of the limit [m/s]")
     add("--stride", type=int, help="of the march upward, in resolutions")

@@ -228,9 +228,7 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
         if not limits[one]:
             first[cell] = BEGIN_STANDING * speed
             continue
-        limit = replace(
-            limits[one][1], on=vocabulary.NAMED[cell.mechanisms]
-        )
+        limit = replace(limits[one][1], on=vocabulary.NAMED[cell.mechanisms])
         first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 

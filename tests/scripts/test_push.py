@@ -79,7 +79,34 @@ REFUSED = [
     (["--at", "noon"], "at = 'noon': must be like \"right swing 25 %\", from"),
     (["--hold"], "hold = True: must not come with --no-meshcat"),
     (["--live"], "no_meshcat = True: must not come with --live"),
+    (["--command", "0.3 0"], "argument --command: '0.3 0': must be forward, l"),
+    (["--command", "0 nan 0"], "argument --command: 'nan': must be a finite"),
+    (["--command", "99 0 0"], "commands[0].forward = 99.0: must be in [-10, "),
+    (
+        ["--command", "0 0 1", "--scenario_text", "gait: {num_steps: 3}"],
+        "gait.num_steps = 3: must not come with commands",
+    ),
 ]
+
+
+def test_a_command_takes_the_place_of_steps(asked_for):
+    """Oracle: by hand; the scenario's push stays, or a new one is asked for."""
+    flags = "--command", "0.2 -0.1 0.3"
+    scenario = asked_for("--scenario_name", "push", *flags)
+    (row,) = scenario.commands
+    assert (row.time, row.forward, row.left, row.turn) == (0, 0.2, -0.1, 0.3)
+    assert not scenario.gait.has_steps and len(scenario.pushes) == 1
+    scenario = asked_for(*flags, "--delta-v", 0.4)
+    assert scenario.pushes[0].at == "right swing 25 %"
+
+
+def test_a_push_while_it_stands_is_of_a_robot_that_does_not_walk(asked_for):
+    """Oracle: by hand; so is a new push in a scenario without steps."""
+    scenario = asked_for("--at", "standing")
+    assert scenario.pushes[0].at == "1 s"
+    assert not scenario.gait.has_steps and not scenario.commands
+    stands = asked_for("--scenario_name", "stand", "--delta-v", 0.4)
+    assert stands.pushes[0].at == "1 s"
 
 
 def test_random_pushes_come_one_after_the_other(asked_for):
