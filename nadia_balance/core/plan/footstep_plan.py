@@ -52,6 +52,8 @@ class FootstepPlannerParams:
     )
     # Least share of these durations, for commands that need shorter steps.
     least_share: float = bounded(0.45, above=0.0, most=1.0)
+    # Share of them that the step takes which ends a walk.
+    closing_share: float = bounded(0.75, above=0.0, most=1.0)
     num_steps: int = bounded(4, least=1, most=10)  # queued by command
     # Limits of the change of speed.
     acceleration: float = bounded(0.6, above=0.0, unit="m/s^2")
@@ -64,7 +66,7 @@ class FootstepPlannerParams:
     # Largest turn of a foot to the other one by command.
     max_turn_deg: float = bounded(30.0, above=0.0, most=90.0, unit="deg")
     # Share of a swing in which its foothold follows the command.
-    revised_share: float = bounded(0.5, least=0.0, most=1.0)
+    revised_share: float = bounded(0.4, least=0.0, most=1.0)
     # Of steps that catch the robot.
     recovery_swing_duration: float = bounded(
         0.4, least=0.02, most=10.0, unit="s"
@@ -217,7 +219,7 @@ class FootstepPlan:
             if on.step and self.leaves(feet, icp):
                 return self.recovery((side,), schedule, feet, icp, on)
             if error < p.calm_error and not caught:
-                return self.squaring(side, feet, p.transfer_duration)
+                return self.squaring(side, feet, closes=True)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
             return self.squaring(side, feet, reactive=True)
         if on.step and self.leaves(feet, icp):
@@ -336,14 +338,14 @@ class FootstepPlan:
         self,
         side: Side,
         feet: FootPoses,
-        transfer: float | None = None,
+        closes: bool = False,
         reactive: bool = False,
     ) -> tuple[Footstep, ...]:
         """Returns the step that puts the foot of `side` beside the other one.
 
-        () if it is there, or cannot be.  The `transfer` [s] before it is the
-        first one of a walk if it is not given; `reactive` is a step that still
-        belongs to a recovery.
+        () if it is there, or cannot be.  A step that `closes` a walk is quick;
+        any other begins as a walk does.  A `reactive` one still belongs to a
+        recovery.
         """
         p, foot = self.params, feet[side]
         pose = self.beside(side, feet[side.other])
@@ -357,9 +359,10 @@ class FootstepPlan:
             and abs(turn) < math.radians(p.square_yaw_deg)
         ):
             return ()
-        if transfer is None:
-            transfer = p.initial_transfer_duration
-        swing = p.swing_duration
+        transfer, swing = p.initial_transfer_duration, p.swing_duration
+        if closes:
+            transfer = p.closing_share * p.transfer_duration
+            swing = p.closing_share * p.swing_duration
         return (Footstep(side, pose, transfer, swing, reactive),)
 
     def queue(

@@ -279,7 +279,7 @@ def test_a_walk_that_is_to_stop_closes_its_feet():
     assert step.side is Side.LEFT and not step.reactive
     expected = landed.p_WF + [0.0, 0.25, 0.0]
     assert step.pose.p_WF == pytest.approx(expected)
-    assert step.transfer_duration == PARAMS.transfer_duration
+    assert step.transfer_duration == 0.75 * PARAMS.transfer_duration
     caught = replace(schedule.footsteps[0], reactive=True)
     after = replace(schedule, footsteps=(caught,))
     (slow,) = asked(schedule=after, feet=feet, **rest)
@@ -322,11 +322,11 @@ def swinging(time, **changes):
 
 
 def test_a_foot_in_the_air_follows_a_new_command_until_it_is_too_late():
-    """Oracle: by hand: beside its stance foot; half of 0.7 s."""
+    """Oracle: by hand: beside its stance foot; 0.4 of 0.7 s."""
     speed = np.array([0.3, 0.0, 0.0])
     (step,) = PLAN.revised(swinging(0.2), speed, STILL)
     assert step.pose.p_WF == pytest.approx([0.0, -0.125, 0.0])
-    assert PLAN.revised(swinging(0.36), speed, STILL) is None
+    assert PLAN.revised(swinging(0.29), speed, STILL) is None
     adjusted = walking.Adjustment(
         swinging(0.2).schedule.footsteps[0], walking.FootPose([0.4, -0.2, 0.0])
     )

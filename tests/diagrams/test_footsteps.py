@@ -1,0 +1,170 @@
+"""A robot that stands, steps when it must, and walks where it is told.
+
+Most of it on the point mass, which is fast; the whole robot once.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import LeafSystem
+
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import Command, load_scenario, set_push
+from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.results import icp_error, signal, steps
+from nadia_balance.results.measurements import is_square
+from nadia_balance.results.summary import Run
+from nadia_balance.robot.model import load_robot
+from nadia_balance.systems.signals import MODES
+from tests.diagrams.simulated import run_of
+
+
+def pushed(direction, delta_v, robot="nadia", **changes) -> Run:
+    """The point mass, pushed while it stands."""
+    scenario = load_scenario("stand", robot=robot, **changes)
+    set_push(scenario, direction=direction, delta_v=delta_v)
+    return simulate(LipmDiagram(scenario))
+
+
+@pytest.mark.parametrize("direction", [0, 50, 90, 130, 180, 235, 270, 340])
+@pytest.mark.parametrize("robot", ["nadia", "g1"])
+def test_a_standing_robot_steps_and_stands_again(robot, direction):
+    """Oracle: in 5 s after the push it stands, feet side by side.
+
+    The run ends then; without the mechanism `step` the point mass falls.
+    """
+    size = 0.9 if direction in (90, 270) else 1.1
+    run = pushed(direction, size, robot)
+    assert run.summary["recovered"], run.summary["reason"]
+    walking = signal(run.logs, "walking_signal")
+    assert walking.steps_taken[-1] > 0
+    last = signal(run.logs, "walking_signal", -1)
+    assert is_square(last) and run.logs["t"][-1] < 6.1 + 0.6
+    modes = {MODES[int(mode)].value for mode in walking.mode}
+    assert "recovering" in modes and "standing" in modes
+    still = pushed(direction, size, robot, mechanisms="icp_only")
+    assert not still.summary["recovered"]
+
+
+@pytest.mark.parametrize("direction", [0, 90, 200])
+def test_what_ankles_hold_needs_no_step(direction):
+    """Oracle: by hand: dv / w moves the ICP, and stays within the soles.
+
+    It is decided half a second after the error has gone.
+    """
+    run = pushed(direction, 0.3)
+    assert 0.3 / load_robot("nadia").point_mass.omega < 0.11
+    assert run.summary["steps_taken"] == 0 and run.summary["recovered"]
+    assert run.logs["t"][-1] < 3.0
+
+
+@pytest.mark.parametrize(
+    ("command", "tolerance"),
+    [
+        ((0.3, 0.0, 0.0), 0.05),
+        ((-0.4, 0.0, 0.0), 0.05),
+        ((0.0, 0.15, 0.0), 0.05),
+        ((0.0, -0.25, 0.0), 0.05),
+        ((0.0, 0.0, 0.4), 0.05),
+        ((0.0, 0.0, -0.8), 0.05),
+    ],
+)
+def test_walks_as_fast_as_it_is_told_and_stops(command, tolerance):
+    """Oracle: the way and the turn of two steps over their time; 1.6 s.
+
+    The ICP stays within 2 cm of its plan.
+    """
+    scenario = load_scenario("walk_by_command", duration=9.0)
+    forward, left, turn = command
+    go = Command(time=0.5, forward=forward, left=left, turn=turn)
+    scenario.commands = [go, Command(time=6.0)]
+    run = simulate(LipmDiagram(scenario), 9.0)
+    t, walking = run.logs["t"], signal(run.logs, "walking_signal")
+    landed = [s for s in steps(run.logs) if 3.0 < s.swing.end < 6.0]
+    first, last = landed[0], landed[2 * ((len(landed) - 1) // 2)]
+    time = last.swing.end - first.swing.end
+    yaw = last.achieved.yaw - first.achieved.yaw
+    way = first.achieved.to_sole(last.achieved.p_WF[:2])
+    wanted = np.array([forward, left]) * time
+    if not turn:
+        assert way == pytest.approx(wanted, abs=tolerance * abs(wanted).max())
+    assert yaw == pytest.approx(turn * time, abs=0.05 * abs(turn) * time)
+    assert np.max(icp_error(run.logs)) < 0.02
+    stands = t[(t > 6.0) & (walking.phase == 0.0)][0]
+    assert stands - 6.0 <= 1.6
+    assert is_square(signal(run.logs, "walking_signal", -1))
+
+
+@pytest.mark.parametrize("late", np.arange(0.0, 0.8, 0.08).round(2).tolist())
+def test_it_stops_at_any_time_of_a_step(late):
+    """Oracle: 1.6 s from the command until it stands, at 0.3 m/s."""
+    scenario = load_scenario("walk_by_command", duration=8.0)
+    stop = 4.0 + late
+    scenario.commands = [Command(time=0.5, forward=0.3), Command(time=stop)]
+    run = simulate(LipmDiagram(scenario), 7.0)
+    t, walking = run.logs["t"], signal(run.logs, "walking_signal")
+    assert t[(t > stop) & (walking.phase == 0.0)][0] - stop <= 1.61
+
+
+def test_a_push_has_priority_and_the_walk_goes_on():
+    """Oracle: by hand: recovering after the push; then 0.3 m/s again."""
+    scenario = load_scenario("stand", duration=12.0)
+    scenario.commands = [Command(time=0.5, forward=0.3)]
+    set_push(scenario, delta_v=0.7, direction=60.0, at="4 s")
+    run = simulate(LipmDiagram(scenario), 12.0)
+    t, walking = run.logs["t"], signal(run.logs, "walking_signal")
+    soon = (t > 4.2) & (t < 5.0)
+    assert np.any(walking.mode[soon] == 2.0)
+    late = [s for s in steps(run.logs) if s.swing.end > 8.0]
+    first, last = late[0], late[2 * ((len(late) - 1) // 2)]
+    way = math.dist(first.achieved.p_WF, last.achieved.p_WF)
+    time = last.swing.end - first.swing.end
+    assert way / time == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_push_in_a_phase_that_never_comes_is_undecided():
+    """Oracle: exit of the run; the reason says so."""
+    scenario = load_scenario("stand", duration=3.0)
+    set_push(scenario, delta_v=0.2, at="right swing 25 %")
+    summary = simulate(LipmDiagram(scenario)).summary
+    assert summary["outcome"] == "undecided"
+    assert summary["reason"].startswith("not pushed: the push did not come")
+
+
+class Slow(LeafSystem):
+    """A source of the user's: 0.1 m/s to the left, for ever."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorOutputPort("velocity_command", 3, self.calc)
+
+    def calc(self, context, output):
+        output.SetFromVector([0.0, 0.1, 0.0])
+
+
+def test_a_source_of_the_users_is_connected_by_its_name():
+    """Oracle: by hand, the middle of the feet after 6 s; names refused."""
+    scenario = load_scenario("stand", duration=6.0)
+    sources = {"velocity_command": Slow()}
+    run = simulate(LipmDiagram(scenario, sources=sources), 6.0)
+    now = signal(run.logs, "walking_signal", -1)
+    middle = 0.5 * (now.left[1] + now.right[1])
+    assert middle == pytest.approx(0.1 * 4.7, abs=0.1)
+    for name, message in (
+        ("mechanisms", "must be of an open input"),
+        ("weather", "must be of an open input"),
+        ("revised_footsteps", "must have an output 'revised_footsteps'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            LipmDiagram(scenario, sources={name: Slow()}, footstep_planner=None)
+
+
+def test_the_whole_robot_catches_itself_and_stands():
+    """Oracle: the verdict, and more than ankles and hips hold: 0.44 m/s."""
+    scenario = load_scenario("stand")
+    set_push(scenario, delta_v=0.9, direction=30.0)
+    summary = run_of(scenario).summary
+    assert summary["recovered"], summary["reason"]
+    assert 1 <= summary["steps_taken"] <= 5
+    assert summary["self_contacts"] == []
