@@ -208,14 +208,12 @@ class FootstepPlan:
         next_velocity = self.after_step(velocity, command)
         moves = bool(np.any(np.abs(next_velocity) > _STILL))
         if schedule.phase is Phase.SWING:
-            side, stance = (
-                schedule.support_side,
-                feet[schedule.support_side.other],
-            )
+            side = schedule.support_side
+            landed = feet[side.other]
             caught = self.was_caught(state)
             # A push has priority over the command.
             if moves and error < 2.0 * p.calm_error:
-                return self.queue(side, stance, velocity, command, caught)
+                return self.queue(side, landed, velocity, command, caught)
             if on.step and self.leaves(feet, icp):
                 return self.recovery((side,), schedule, feet, icp, on)
             if error < p.calm_error and not caught:
@@ -463,8 +461,9 @@ class FootstepPlan:
         """
         p, stance = self.params, feet[side.other]
         steps = self.caught(side, stance)
+        nowhere = Capture(self.adjuster.num_steps + 1, math.inf, False, 0.0)
         if not steps:
-            return Capture(self.adjuster.num_steps + 1, math.inf, False, 0.0)
+            return nowhere
         swing = replace(
             schedule,
             phase=Phase.SWING,
@@ -481,7 +480,7 @@ class FootstepPlan:
             times = time, time + self.adjuster.waiting_time
             return geometry.one_step_region(icp, times)
 
-        first, best = from_time(soonest), []
+        first, captures = from_time(soonest), []
         for number, offsets in enumerate(geometry.offsets, start=1):
             region = capture.capture_region(first, offsets)
             for reach in geometry.places:
@@ -490,13 +489,16 @@ class FootstepPlan:
                 time = max(soonest, transfer + way)
                 then = capture.capture_region(from_time(time), offsets)
                 gap = _gap(reach.polygon, then)
-                crosses = reach.reach != BASE
-                steps_needed = number if gap == 0.0 else len(geometry.offsets)
-                steps_needed += gap > 0.0
-                best.append(
-                    Capture(steps_needed, round(gap, 3), crosses, round(way, 3))
+                count = number if gap == 0.0 else len(geometry.offsets) + 1
+                captures.append(
+                    Capture(
+                        steps=count,
+                        gap=round(gap, 3),
+                        crosses=reach.reach != BASE,
+                        time=round(way, 3),
+                    )
                 )
-        return min(best, key=lambda one: one.cost)
+        return min(captures, key=lambda one: one.cost, default=nowhere)
 
 
 def _nearest(place: Array, reach: Array, region: Array) -> Array:
