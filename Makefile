@@ -72,7 +72,7 @@ $(MADE)/%.swept:
 # What the limits of `make results` are worth elsewhere: single pushes at a share
 # of them, Atlas at its paper's, the G1 at other moments and in MuJoCo, sensors.
 SINGLE := 95 80 60 moments errors mujoco random fig6 fig6_2017 fig6_demo
-SWEPT := g1_moments g1_mujoco sensors
+SWEPT := g1_moments g1_mujoco sensors standing g1_standing
 
 robustness: .venv/installed-test \
 		$(SINGLE:%=$(MADE)/%.pushed) $(SWEPT:%=$(MADE)/%.swept)
@@ -114,6 +114,10 @@ $(MADE)/g1_mujoco.swept: SWEEP := $(G1_MORE) --replicas 1 --engine mujoco \
 $(MADE)/g1_moments.swept: SWEEP := $(G1_MORE) --replicas 1 --at "$(LATER)"
 $(MADE)/sensors.swept: SWEEP := --sensors consumer \
 	--mechanisms all_with_cross_over
+STANDING := --at standing --resolution 0.05 --stride 4 \
+	--mechanisms all_with_cross_over
+$(MADE)/standing.swept: SWEEP := $(STANDING)
+$(MADE)/g1_standing.swept: SWEEP := --robot g1 $(STANDING)
 
 # A learned policy in the place of our controller, by its file on PyPI.
 POLICY := build/fastsac_g1_29dof.onnx
