@@ -219,7 +219,7 @@ class FootstepPlan:
             if error < p.calm_error and not caught:
                 return self.squaring(side, feet, closes=True)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
-            return self.squaring(side, feet, reactive=True)
+            return self.squaring(side, feet, icp, reactive=True)
         if on.step and self.leaves(feet, icp):
             return self.recovery(tuple(Side), schedule, feet, icp, on)
         if moves:
@@ -336,16 +336,18 @@ class FootstepPlan:
         self,
         side: Side,
         feet: FootPoses,
+        icp: Array | None = None,
         closes: bool = False,
         reactive: bool = False,
     ) -> tuple[Footstep, ...]:
         """Returns the step that puts the foot of `side` beside the other one.
 
         () if it is there, or cannot be.  A step that `closes` a walk is quick;
-        any other begins as a walk does.  A `reactive` one still belongs to a
-        recovery.
+        any other begins as a walk does, or sooner if the `icp` (2,) [m] is told
+        and nearer to the stance foot than in standing.  A `reactive` one still
+        belongs to a recovery.
         """
-        p, foot = self.params, feet[side]
+        p, foot, stance = self.params, feet[side], feet[side.other]
         pose = self.beside(side, feet[side.other])
         if pose is None:
             return ()
@@ -357,7 +359,11 @@ class FootstepPlan:
             and abs(turn) < math.radians(p.square_yaw_deg)
         ):
             return ()
-        transfer, swing = p.initial_transfer_duration, p.swing_duration
+        share, half = 1.0, 0.5 * self.model.step_width
+        if icp is not None:
+            share = min(math.dist(icp, stance.p_WF[:2]) / half, 1.0)
+        transfer, swing = p.transfer_duration, p.swing_duration
+        transfer += share * (p.initial_transfer_duration - transfer)
         if closes:
             transfer = p.closing_share * p.transfer_duration
             swing = p.closing_share * p.swing_duration

@@ -300,6 +300,10 @@ def test_stands_where_it_landed_if_the_feet_hold_it():
     assert step.side is Side.LEFT
     assert step.transfer_duration == PARAMS.initial_transfer_duration
     assert step.pose.p_WF == pytest.approx([0.5, 0.125, 0.0])
+    (soon,) = asked((0.5, -0.1), schedule=schedule, feet=feet)
+    early, late = PARAMS.transfer_duration, PARAMS.initial_transfer_duration
+    expected = early + 0.025 / 0.125 * (late - early)  # 25 mm from its centre
+    assert soon.transfer_duration == pytest.approx(expected)
     (back,) = asked((0.1, 0.0), schedule=schedule, feet=feet)
     assert back.side is Side.RIGHT
     beyond = asked((0.8, 0.0), schedule=schedule, feet=feet)
