@@ -35,13 +35,14 @@ def recovers(mechanisms, direction, delta_v, qp=None) -> bool:
 
 @pytest.mark.parametrize(
     ("direction", "delta_v", "fewest"),
-    [(270, 0.4, "step"), (90, 0.6, "step_swing"), (90, 0.95, ALL)],
+    [(270, 0.4, "step"), (90, 0.6, "step_swing"), (90, 1.05, ALL)],
 )
 def test_more_mechanisms_never_recover_less(direction, delta_v, fewest):
     """Oracle: the order of the mechanisms, of which each adds one.
 
     `fewest` is the first that recovers, `icp_only` never does: its limits are
-    0.3 and 0.22 m/s, the feet and the hips in place.
+    0.3 and 0.22 m/s, the feet and the hips in place.  After the gait, the
+    planner takes more steps: without crossing, 0.95 m/s can be caught, too.
     """
     names = list(MECHANISMS)
     found = [name for name in names if recovers(name, direction, delta_v)]
