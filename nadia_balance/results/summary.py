@@ -169,7 +169,7 @@ def _shortfall(run: Run) -> str:
 
 
 def _policy_shortfall(log: Log) -> str:
-    """That of a robot without an ICP: it steps, if it is told to."""
+    """The criterion without an ICP: it steps, if it is told to."""
     moves = log.get("velocity_command", np.zeros((1, 3)))[-1].any()
     late = sum(time > log["t"][-1] - STEADY for time in logs.landings(log))
     if late > 1 or not moves:

@@ -149,7 +149,7 @@ SIGNALS: dict[str, int | type] = {
     "momentum_rate": 3,  # of the linear momentum [N]
     "push_force": 3,  # sum of all pushes [N]
     "push_signal": PushSignal,
-    # Those that have not landed, the one in the air too; None: as they are.
+    # Steps not landed, the one in the air too; None: as they are.
     "revised_footsteps": tuple,
     "swing_foot_reference": SwingFootReference,
     "time_adjustment": 2,  # see TimeAdjustment [s]; 0 if not connected

@@ -43,10 +43,10 @@ _STILL = 1e-6  # slower commands are to stand [m/s], [rad/s]
 class FootstepPlannerParams:
     """When to step, how fast, and when to stand again."""
 
-    # Of steps by command.
+    # Durations of steps by command.
     swing_duration: float = bounded(0.6, least=0.02, most=10.0, unit="s")
     transfer_duration: float = bounded(0.2, least=0.02, most=10.0, unit="s")
-    # Of the transfer before the first step by command.
+    # Duration of the transfer before the first step by command.
     initial_transfer_duration: float = bounded(
         0.6, least=0.02, most=10.0, unit="s"
     )
@@ -67,7 +67,7 @@ class FootstepPlannerParams:
     max_turn_deg: float = bounded(30.0, above=0.0, most=90.0, unit="deg")
     # Share of a swing in which its foothold follows the command.
     revised_share: float = bounded(0.4, least=0.0, most=1.0)
-    # Of steps that catch the robot.
+    # Durations of steps that catch the robot.
     recovery_swing_duration: float = bounded(
         0.4, least=0.02, most=10.0, unit="s"
     )
@@ -265,7 +265,7 @@ class FootstepPlan:
         captures = {
             side: self.capture(schedule, side, feet, icp, on) for side in sides
         }
-        # Of equal feet, that with less weight by the plan.
+        # Two equal feet: the one with less weight by the plan.
         swings = schedule.support_side.other
         side = min(sides, key=lambda s: (captures[s].cost, s is not swings))
         return self.caught(side, feet[side.other])[: captures[side].steps]
