@@ -76,7 +76,7 @@ def test_atlas_recovers_from_what_the_paper_shows_for_nadia():
     Outward: see test_stories.  The QP meets torque limits to 1e-8 (qp.py).
     """
     found = simulated(
-        "{robot: atlas, mechanisms: all_with_cross_over, duration: 3.5, "
+        "{robot: atlas, mechanisms: all_with_cross_over, duration: 4.2, "
         f"{EARLY % 'num_steps: 4'}, pushes: "
         "[{delta_v: 0.41, at: right swing 25 %, direction_deg: 90.0}]}"
     ).summary
