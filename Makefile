@@ -54,8 +54,8 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		nbformat.write(book, "learning.ipynb")'
 	$(BIN)/python docs/figures/reference.py
 	$(BIN)/python -c 'import sys; \
-		from nadia_balance.scripts.sweep import code_hash; \
-		print("code", code_hash(), "python", *sys.version_info[:2])' \
+		from nadia_balance.results.versions import commit_of; \
+		print("commit", commit_of(), "python", *sys.version_info[:2])' \
 		> docs/results/made.txt
 	sha256sum docs/*.gif docs/*.ipynb docs/*.png docs/results/*/*.png \
 		>> docs/results/made.txt

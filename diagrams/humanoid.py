@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside

@@ -9,7 +9,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import CapturePointController
-from nadia_balance.core.walking.vocabulary import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside

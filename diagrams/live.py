@@ -11,7 +11,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
+from nadia_balance.core.walking.state import Phase, Side, WalkingState
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario

@@ -13,13 +13,15 @@ from pydrake.common.yaml import yaml_load_file
 
 from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.math.bounds import bounded, check, scaled
 from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.core.plan.gait import Gait, walking_start
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Moment, Push, random_pushes
-from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, NAMED
 from nadia_balance.diagrams.terrain import FLAT, Terrain
+from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.scaling import scaled
+from nadia_balance.parameters.yaml_reader import load_tree, load_typed
 from nadia_balance.robot.model import (
     FIDELITIES,
     RobotModel,
@@ -29,7 +31,6 @@ from nadia_balance.robot.model import (
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.systems.estimation import FILTERS
 from nadia_balance.systems.hardware import Imperfections
-from nadia_balance.typed_yaml import load_tree, load_typed
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 UNITS = ("si", "froude")

@@ -5,9 +5,10 @@ from pathlib import Path
 
 from nadia_balance.core.body import ground as core
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import NADIA, Size, bounded, check
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.core.walking import state as walking
+from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.scaling import NADIA, Size
+from nadia_balance.parameters.yaml_reader import load_typed
 
 Ground = core.Ground | None  # None: flat
 FLAT = "flat"

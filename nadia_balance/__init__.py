@@ -1,58 +1,193 @@
 """Balance control for walking humanoids, on Drake.
 
-The public names are available here; each is imported at its first use, so that
-who needs only `nadia_balance.core` does not import the rest.
+The public names are available here.  Each is imported at its first use, so that
+who needs only `nadia_balance.core` does not import the rest; type checkers and
+editors read the imports below.
 """
 
 import importlib
+from typing import TYPE_CHECKING, Any
 
-# `diagrams`, `models` and `scripts` are parts of this package; in a checkout
-# they are links to the folders of the same names beside it.  In each line here:
-# a module, and its public names.
-_PUBLIC = """
-    balance_controller BalanceController CapturePointController ControllerParams
-    core.body.ground Ground Region
-    core.body.model PointMassModel
-    core.math.daqp_solver DaqpSolver
-    core.plan.footstep_plan FootstepPlannerParams
-    core.plan.gait Gait StepVector walking_start
-    core.walking.push Push
-    core.walking.vocabulary Adjustment FootPose FootPoses Footstep
-    core.walking.vocabulary MECHANISMS Mechanisms Phase Side WalkingState
-    core.whole_body.tasks Motion Task
-    diagrams.humanoid HumanoidDiagram
-    diagrams.scenario Command Scenario load_scenario
-    diagrams.simulation simulate
-    engines.plants MujocoPlant PointMassPlant add_mujoco_plant
-    policy_controller PolicyController PolicyParams
-    robot.model RobotModel load_robot
-    robot.plants add_ground
-    systems.estimation Imu JointEncoders StateEstimator
-    systems.feedback ComHeightController IcpStepController MomentumQp
-    systems.hardware FootForceSensor Imperfections JointDrives StateSensor
-    systems.plan FixedFootsteps FootstepPlanner IcpPlanner TimingAdapter
-    systems.plan VelocityCommands WalkingStateMachine
-    systems.ports NOTHING
-    systems.push_source ContactClock PushSource
-    systems.signals connect
-    systems.state CentroidalEstimator StatePredictor
-    systems.steps CaptureRegionStepAdjuster SwingFootPlanner
-    systems.whole_body FrictionEstimator WholeBodyInverseDynamics
-    view.balance_visualizer BalanceVisualizer
-    view.live_controls LiveControls
-"""
-_ROWS = map(str.split, _PUBLIC.strip().splitlines())
-_HOME = {name: home for home, *names in _ROWS for name in names}
-__all__ = sorted(_HOME)
+if TYPE_CHECKING:
+    from nadia_balance.balance_controller import (
+        BalanceController as BalanceController,
+    )
+    from nadia_balance.balance_controller import (
+        CapturePointController as CapturePointController,
+    )
+    from nadia_balance.balance_controller import (
+        ControllerParams as ControllerParams,
+    )
+    from nadia_balance.core.body.ground import Ground as Ground
+    from nadia_balance.core.body.ground import Region as Region
+    from nadia_balance.core.body.model import PointMassModel as PointMassModel
+    from nadia_balance.core.math.daqp_solver import DaqpSolver as DaqpSolver
+    from nadia_balance.core.plan.footstep_plan import (
+        FootstepPlannerParams as FootstepPlannerParams,
+    )
+    from nadia_balance.core.plan.gait import Gait as Gait
+    from nadia_balance.core.plan.gait import StepVector as StepVector
+    from nadia_balance.core.plan.gait import walking_start as walking_start
+    from nadia_balance.core.walking.mechanisms import MECHANISMS as MECHANISMS
+    from nadia_balance.core.walking.mechanisms import Mechanisms as Mechanisms
+    from nadia_balance.core.walking.push import Push as Push
+    from nadia_balance.core.walking.state import Adjustment as Adjustment
+    from nadia_balance.core.walking.state import FootPose as FootPose
+    from nadia_balance.core.walking.state import FootPoses as FootPoses
+    from nadia_balance.core.walking.state import Footstep as Footstep
+    from nadia_balance.core.walking.state import Phase as Phase
+    from nadia_balance.core.walking.state import Side as Side
+    from nadia_balance.core.walking.state import WalkingState as WalkingState
+    from nadia_balance.core.whole_body.tasks import Motion as Motion
+    from nadia_balance.core.whole_body.tasks import Task as Task
+    from nadia_balance.diagrams.humanoid import (
+        HumanoidDiagram as HumanoidDiagram,
+    )
+    from nadia_balance.diagrams.scenario import Command as Command
+    from nadia_balance.diagrams.scenario import Scenario as Scenario
+    from nadia_balance.diagrams.scenario import load_scenario as load_scenario
+    from nadia_balance.diagrams.simulation import simulate as simulate
+    from nadia_balance.engines.plants import MujocoPlant as MujocoPlant
+    from nadia_balance.engines.plants import PointMassPlant as PointMassPlant
+    from nadia_balance.engines.plants import (
+        add_mujoco_plant as add_mujoco_plant,
+    )
+    from nadia_balance.policy_controller import (
+        PolicyController as PolicyController,
+    )
+    from nadia_balance.policy_controller import PolicyParams as PolicyParams
+    from nadia_balance.robot.model import RobotModel as RobotModel
+    from nadia_balance.robot.model import load_robot as load_robot
+    from nadia_balance.robot.plants import add_ground as add_ground
+    from nadia_balance.systems.estimation import Imu as Imu
+    from nadia_balance.systems.estimation import JointEncoders as JointEncoders
+    from nadia_balance.systems.estimation import (
+        StateEstimator as StateEstimator,
+    )
+    from nadia_balance.systems.feedback import (
+        ComHeightController as ComHeightController,
+    )
+    from nadia_balance.systems.feedback import (
+        IcpStepController as IcpStepController,
+    )
+    from nadia_balance.systems.feedback import MomentumQp as MomentumQp
+    from nadia_balance.systems.hardware import (
+        FootForceSensor as FootForceSensor,
+    )
+    from nadia_balance.systems.hardware import Imperfections as Imperfections
+    from nadia_balance.systems.hardware import JointDrives as JointDrives
+    from nadia_balance.systems.hardware import StateSensor as StateSensor
+    from nadia_balance.systems.plan import FixedFootsteps as FixedFootsteps
+    from nadia_balance.systems.plan import FootstepPlanner as FootstepPlanner
+    from nadia_balance.systems.plan import IcpPlanner as IcpPlanner
+    from nadia_balance.systems.plan import TimingAdapter as TimingAdapter
+    from nadia_balance.systems.plan import VelocityCommands as VelocityCommands
+    from nadia_balance.systems.plan import (
+        WalkingStateMachine as WalkingStateMachine,
+    )
+    from nadia_balance.systems.ports import NOTHING as NOTHING
+    from nadia_balance.systems.push_source import ContactClock as ContactClock
+    from nadia_balance.systems.push_source import PushSource as PushSource
+    from nadia_balance.systems.signals import connect as connect
+    from nadia_balance.systems.state import (
+        CentroidalEstimator as CentroidalEstimator,
+    )
+    from nadia_balance.systems.state import StatePredictor as StatePredictor
+    from nadia_balance.systems.steps import (
+        CaptureRegionStepAdjuster as CaptureRegionStepAdjuster,
+    )
+    from nadia_balance.systems.steps import SwingFootPlanner as SwingFootPlanner
+    from nadia_balance.systems.whole_body import (
+        FrictionEstimator as FrictionEstimator,
+    )
+    from nadia_balance.systems.whole_body import (
+        WholeBodyInverseDynamics as WholeBodyInverseDynamics,
+    )
+    from nadia_balance.view.balance_visualizer import (
+        BalanceVisualizer as BalanceVisualizer,
+    )
+    from nadia_balance.view.live_controls import LiveControls as LiveControls
+
+    __version__: str
+
+# Where each public name is, below `nadia_balance`; a test compares it with the
+# imports above.
+_MODULES = {
+    "Adjustment": "core.walking.state",
+    "BalanceController": "balance_controller",
+    "BalanceVisualizer": "view.balance_visualizer",
+    "CapturePointController": "balance_controller",
+    "CaptureRegionStepAdjuster": "systems.steps",
+    "CentroidalEstimator": "systems.state",
+    "ComHeightController": "systems.feedback",
+    "Command": "diagrams.scenario",
+    "ContactClock": "systems.push_source",
+    "ControllerParams": "balance_controller",
+    "DaqpSolver": "core.math.daqp_solver",
+    "FixedFootsteps": "systems.plan",
+    "FootForceSensor": "systems.hardware",
+    "FootPose": "core.walking.state",
+    "FootPoses": "core.walking.state",
+    "Footstep": "core.walking.state",
+    "FootstepPlanner": "systems.plan",
+    "FootstepPlannerParams": "core.plan.footstep_plan",
+    "FrictionEstimator": "systems.whole_body",
+    "Gait": "core.plan.gait",
+    "Ground": "core.body.ground",
+    "HumanoidDiagram": "diagrams.humanoid",
+    "IcpPlanner": "systems.plan",
+    "IcpStepController": "systems.feedback",
+    "Imperfections": "systems.hardware",
+    "Imu": "systems.estimation",
+    "JointDrives": "systems.hardware",
+    "JointEncoders": "systems.estimation",
+    "LiveControls": "view.live_controls",
+    "MECHANISMS": "core.walking.mechanisms",
+    "Mechanisms": "core.walking.mechanisms",
+    "MomentumQp": "systems.feedback",
+    "Motion": "core.whole_body.tasks",
+    "MujocoPlant": "engines.plants",
+    "NOTHING": "systems.ports",
+    "Phase": "core.walking.state",
+    "PointMassModel": "core.body.model",
+    "PointMassPlant": "engines.plants",
+    "PolicyController": "policy_controller",
+    "PolicyParams": "policy_controller",
+    "Push": "core.walking.push",
+    "PushSource": "systems.push_source",
+    "Region": "core.body.ground",
+    "RobotModel": "robot.model",
+    "Scenario": "diagrams.scenario",
+    "Side": "core.walking.state",
+    "StateEstimator": "systems.estimation",
+    "StatePredictor": "systems.state",
+    "StateSensor": "systems.hardware",
+    "StepVector": "core.plan.gait",
+    "SwingFootPlanner": "systems.steps",
+    "Task": "core.whole_body.tasks",
+    "TimingAdapter": "systems.plan",
+    "VelocityCommands": "systems.plan",
+    "WalkingState": "core.walking.state",
+    "WalkingStateMachine": "systems.plan",
+    "WholeBodyInverseDynamics": "systems.whole_body",
+    "add_ground": "robot.plants",
+    "add_mujoco_plant": "engines.plants",
+    "connect": "systems.signals",
+    "load_robot": "robot.model",
+    "load_scenario": "diagrams.scenario",
+    "simulate": "diagrams.simulation",
+    "walking_start": "core.plan.gait",
+}
+__all__ = sorted(_MODULES)
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     if name == "__version__":
-        summary = importlib.import_module(f"{__name__}.results.summary")
-        return summary.versions()[__name__]
-    if name not in _HOME:
+        module = importlib.import_module(f"{__name__}.results.versions")
+        return module.versions()[__name__]
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(f"{__name__}.{_HOME[name]}")
+    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
     value = globals()[name] = getattr(module, name)
     return value
 

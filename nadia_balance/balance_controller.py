@@ -14,7 +14,6 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
-from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
 from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
@@ -26,9 +25,10 @@ from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams as StepAdjusterParams,
 )
 from nadia_balance.core.steps.swing_foot import SwingFootParams
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.tasks import Task
+from nadia_balance.parameters.bounds import bounded, check
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems import feedback, steps, whole_body
 from nadia_balance.systems import plan as planning

@@ -2,7 +2,7 @@
 
 from pydrake.geometry import Rgba
 
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 
 LEFT = "#0b8a8f"  # teal
 RIGHT = "#e8632b"  # orange

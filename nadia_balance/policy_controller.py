@@ -11,8 +11,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
-from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
+from nadia_balance.parameters.bounds import bounded, check
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.ports import Input, inputs

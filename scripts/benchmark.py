@@ -6,7 +6,7 @@ itself, and once more tick by tick, each after a tick of the closed loop, with
 the caches as the controller leaves them: an upper bound of the closed loop.
 """
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import csv
 import json
@@ -25,7 +25,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
-from nadia_balance.results.summary import versions
+from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import command_line

@@ -19,8 +19,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
-from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking.vocabulary import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import closed_loop, live, simulation, terrain
 from nadia_balance.diagrams.scenario import (
     SENSORS,
@@ -28,11 +27,12 @@ from nadia_balance.diagrams.scenario import (
     Scenario,
     load_scenario,
 )
+from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
-from nadia_balance.typed_yaml import load_tree
 from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)

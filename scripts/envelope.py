@@ -9,7 +9,7 @@ Example:
     python scripts/envelope.py --directions "0,90" --mechanisms icp_only,step
 """
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import contextlib
 import shlex
@@ -21,7 +21,6 @@ from pathlib import Path
 from dask.system import CPU_COUNT
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import (
     AT,
@@ -30,11 +29,13 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
+from nadia_balance.parameters.bounds import check
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
-from nadia_balance.scripts.sweep import TRIALS, Rows, limits, report, trial
-from nadia_balance.scripts.sweep.search import SearchParams, Sweep
+from nadia_balance.sweep import limits, report, run_trial
+from nadia_balance.sweep.search import SearchParams, Sweep
+from nadia_balance.sweep.trials import TRIALS, Rows
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
@@ -120,7 +121,7 @@ def carry_out(parser, args, argv, sweep: Sweep, report: Callable) -> int:
             for cell in {cell[0]: cell for cell in sweep.cells()}.values():
                 walk = sweep.walk(cell, replica=0)
                 closed_loop(walk, sweep.plant, sweep.controller)
-            workers = trial.open_workers(args.workers, args.scheduler)
+            workers = run_trial.open_workers(args.workers, args.scheduler)
             executor = stack.enter_context(workers)
             folder = prepare_folder(args.out)
             rows = stack.enter_context(Rows.opened(folder, sweep.identity()))
@@ -133,7 +134,7 @@ def carry_out(parser, args, argv, sweep: Sweep, report: Callable) -> int:
         command_line.say(f"{counts} are there already", f"into {folder}")
         code, stopped = command_line.DONE, stack.enter_context(until_ctrl_c())
         try:
-            if not trial.run_sweep(sweep, rows, executor, stopped):
+            if not run_trial.run_sweep(sweep, rows, executor, stopped):
                 code = command_line.INTERRUPTED
         except RuntimeError as error:
             command_line.complain(parser.prog, error)

@@ -1,6 +1,6 @@
 """Estimates a robot's state from a log of its sensors, and draws it."""
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import sys
 from pathlib import Path
@@ -11,10 +11,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.scenario import SENSORS
-from nadia_balance.results import Log
 from nadia_balance.results.folder import appearing, new_folder
+from nadia_balance.results.log import Log
 from nadia_balance.results.measurements import lost_at, measure_estimate
-from nadia_balance.results.plots import RC, draw_estimate
+from nadia_balance.results.plots.time_series import RC, draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line

@@ -1,6 +1,6 @@
 """Writes run.mcap, for Foxglove, into the folder of a run."""
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import io
 import sys
@@ -12,11 +12,11 @@ from pydrake.geometry import Ellipsoid, Role, Sphere
 from pydrake.math import RigidTransform
 
 from nadia_balance.palette import COP, FLOOR, ICP, ICP_REFERENCE, rgba
-from nadia_balance.results import _VIEWS, Log
+from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results.folder import appearing, new_folder
+from nadia_balance.results.log import _VIEWS, Log
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.scripts import command_line
-from nadia_balance.typed_yaml import load_tree
 
 FILE, EVERY = "run.mcap", 8  # ticks from picture to picture
 POINTS = {"icp": ICP, "icp_reference": ICP_REFERENCE, "ecmp_command": COP}

@@ -1,6 +1,6 @@
 """Makes a robot folder of anybody's URDF or MJCF, and sees whether it walks."""
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
 from pathlib import Path

@@ -1,12 +1,12 @@
 """Pushes the walking robot, and shows whether and how it recovers."""
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
 
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import SHAPES, random_pushes
 from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
+from nadia_balance.parameters.bounds import check
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes

@@ -1,6 +1,6 @@
 """Simulates any scenario, and shows and writes what happened."""
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
 

@@ -9,7 +9,7 @@ Example:
     python scripts/single_pushes.py --pushes 40 --out envelopes/random
 """
 
-import nadia_balance.scripts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import math
 import sys
@@ -18,16 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.push import Moment, Push
-from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase, Side
+from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.results.folder import appearing
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.scripts.sweep import TRIALS, Cell, Results, Rows, Trial
-from nadia_balance.scripts.sweep.limits import LIMITS, PROTOCOLS, known_limits
-from nadia_balance.scripts.sweep.report import outcomes, table
-from nadia_balance.scripts.sweep.search import Sweep
+from nadia_balance.sweep.limits import LIMITS, PROTOCOLS, known_limits
+from nadia_balance.sweep.report import outcomes, table
+from nadia_balance.sweep.search import Sweep
+from nadia_balance.sweep.trials import TRIALS, Cell, Results, Rows, Trial
 
 LENGTHS = 0.05, 0.4  # of a push at random [s]
 FAILURES = "failures.md"
@@ -126,7 +127,8 @@ def failures_text(sweep: SinglePushes, rows: Rows) -> str:
             failed.append((*size, *where, *ended))
     head = "m/s", "deg", "at", "body", "s", "scenario", "outcome", "first wrong"
     title = f"# Single pushes, at {sweep.share:g} of the limits"
-    about = f"{outcomes(rows)}; code `{rows.identity['code']}`."
+    commit = rows.identity.get("commit", "")
+    about = f"{outcomes(rows)}; commit `{commit}`."
     parts = [title, about, *([table(head, failed)] if failed else [])]
     return "\n\n".join(parts) + "\n"
 

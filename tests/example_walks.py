@@ -11,8 +11,8 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.icp_plan import IcpPlanParams, plan_icp
-from nadia_balance.core.walking.vocabulary import (
-    MECHANISMS,
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.state import (
     ContactSchedule,
     FootPose,
     FootPoses,

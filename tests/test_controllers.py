@@ -15,7 +15,7 @@ from nadia_balance.balance_controller import (
 )
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.steps.foothold_adjustment import current_adjustment
-from nadia_balance.core.walking.vocabulary import FootPose, Phase
+from nadia_balance.core.walking.state import FootPose, Phase
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate

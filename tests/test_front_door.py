@@ -1,15 +1,18 @@
 """`import nadia_balance` gives what a user needs, and costs nothing itself."""
 
+import ast
 import importlib
 import inspect
 import pkgutil
 import tomllib
+from pathlib import Path
 
 import pytest
 from pydrake.systems.framework import LeafSystem
 
 import nadia_balance
 from nadia_balance import engines, systems, view
+from tests import source_files
 from tests.scripts.running import ended, python
 from tests.source_files import ROOT
 
@@ -33,6 +36,20 @@ def test_a_scenario_is_simulated_by_its_name():
     for change in {"direction": "up"}, {"sed": 3}:
         with pytest.raises(ValueError, match=f"^{next(iter(change))}"):
             nadia_balance.simulate("push", **change)
+
+
+def test_what_a_type_checker_sees_is_what_python_imports():
+    """Oracle: the imports, as a type checker reads them."""
+    tree = source_files.syntax_tree(Path("nadia_balance/__init__.py"))
+    (seen,) = (node for node in tree.body if isinstance(node, ast.If))
+    imports = {
+        alias.name: line.module.removeprefix("nadia_balance.")
+        for line in seen.body
+        if isinstance(line, ast.ImportFrom)
+        for alias in line.names
+        if alias.asname == alias.name  # is meant to be imported from here
+    }
+    assert imports == nadia_balance._MODULES
 
 
 def test_all_leaf_systems_are_public():
@@ -59,7 +76,7 @@ def loaded(*names): return [name for name in names if name in sys.modules]
 import nadia_balance
 assert not loaded("numpy", "pydrake")
 from nadia_balance.core.math import polygon
-from nadia_balance.core.walking import vocabulary
+from nadia_balance.core.walking import state
 assert not loaded("pydrake")
 from nadia_balance import *
 assert loaded("pydrake.systems.framework")

@@ -21,7 +21,7 @@ from nadia_balance.results.story import telling_lines
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import envelope, push
-from nadia_balance.scripts.sweep.trial import run_trial, search
+from nadia_balance.sweep.run_trial import run_trial, search
 from nadia_balance.view.live_controls import FORWARD
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix, running

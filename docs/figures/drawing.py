@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from nadia_balance.core.walking.vocabulary import (
+from nadia_balance.core.walking.state import (
     ContactSchedule,
     FootPose,
     FootPoses,
@@ -20,7 +20,13 @@ from nadia_balance.core.walking.vocabulary import (
     Side,
 )
 from nadia_balance.results.folder import appearing, new_folder
-from nadia_balance.results.plots import FAINT, RC, TEXT, key, plan_view
+from nadia_balance.results.plots.time_series import (
+    FAINT,
+    RC,
+    TEXT,
+    key,
+    plan_view,
+)
 from nadia_balance.scripts.command_line import DONE, CommandLine, place, say
 
 

@@ -34,13 +34,14 @@ from nadia_balance.core.steps.foothold_adjustment import (
     adjust_foothold,
     unadjusted,
 )
-from nadia_balance.core.walking.vocabulary import (
-    MECHANISMS,
-    FootPose,
-    FootPoses,
-    Side,
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.state import FootPose, FootPoses, Side
+from nadia_balance.results.plots.time_series import (
+    FAINT,
+    arrow,
+    draw_sole,
+    fill,
 )
-from nadia_balance.results.plots import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 

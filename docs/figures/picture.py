@@ -25,9 +25,9 @@ import numpy as np
 from PIL import Image
 from playwright import sync_api
 
-from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.results import pushes, steps
+from nadia_balance.parameters.bounds import bounded, check
 from nadia_balance.results.folder import appearing
+from nadia_balance.results.log import pushes, steps
 from nadia_balance.scripts import command_line
 from nadia_balance.view.balance_visualizer import MIDDLE, REGIONS_PERIOD
 

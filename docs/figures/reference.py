@@ -16,10 +16,9 @@ from pathlib import Path
 from unittest import mock
 
 from nadia_balance.core.body.ground import GroundError
-from nadia_balance.core.math.bounds import UNBOUNDED
 from nadia_balance.core.plan.gait import Foothold, Gait, StepVector
+from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.push import Push
-from nadia_balance.core.walking.vocabulary import Mechanisms
 from nadia_balance.diagrams.scenario import (
     Command,
     Place,
@@ -28,7 +27,8 @@ from nadia_balance.diagrams.scenario import (
     scenario_names,
 )
 from nadia_balance.diagrams.terrain import Terrain
-from nadia_balance.results import _VIEWS
+from nadia_balance.parameters.bounds import UNBOUNDED
+from nadia_balance.results.log import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 from nadia_balance.systems.hardware import Imperfections
 

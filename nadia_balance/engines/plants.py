@@ -12,7 +12,7 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import ComState

@@ -13,13 +13,14 @@ import yaml
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import SpatialInertia
 
-import nadia_balance.new_robot as robots
+import nadia_balance.new_robot.description as robots
 from nadia_balance.core.body.reachability import ReachabilityParams
-from nadia_balance.core.math.bounds import NADIA
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.new_robot import Anatomy, Leg, Notes, measure
+from nadia_balance.new_robot import measure
+from nadia_balance.new_robot.description import Anatomy, Leg, Notes
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
+from nadia_balance.parameters.scaling import NADIA
 
 # Rotor inertia over mass and squared leg, of Nadia: 0.1 kg m^2 are assumed.
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)

@@ -13,10 +13,10 @@ from nadia_balance.core.body.com_height import leg_reach
 from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import Size, scaled
-from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.new_robot import Anatomy, Description, Leg, Notes
+from nadia_balance.core.walking.state import Side
+from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
 from nadia_balance.new_robot.shapes import find_sole, largest_rectangle
+from nadia_balance.parameters.scaling import Size, scaled
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
 # Smallest cosine to the lateral axis, or of the up axis to the legs [-].

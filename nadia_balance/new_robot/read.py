@@ -14,7 +14,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
 
-import nadia_balance.new_robot as robots
+import nadia_balance.new_robot.description as robots
 from nadia_balance.core.math.arrays import Array
 
 DRAKE = "{http://drake.mit.edu}"

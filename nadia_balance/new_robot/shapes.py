@@ -9,7 +9,7 @@ import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial import ConvexHull, QhullError
 
-import nadia_balance.new_robot as robots
+import nadia_balance.new_robot.description as robots
 from nadia_balance.core.math.arrays import Array
 
 # Tolerances for points on the plane, of meshes and of round solids [m].

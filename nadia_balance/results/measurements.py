@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-import nadia_balance.results as logs
+import nadia_balance.results.log as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces
-from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import Log, icp_error, pushes, signal, steps
+from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.results.live_watches import VelocityWatch
+from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
 from nadia_balance.systems.signals import PHASES
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]

@@ -19,22 +19,23 @@ import matplotlib as mpl
 import numpy as np
 from pydrake.geometry import Meshcat
 
-import nadia_balance.results as logs
+import nadia_balance.results.log as logs
 from nadia_balance import palette
-from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import Log, measurements, plots, pushes, steps
+from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.results import measurements
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.plots import footsteps
+from nadia_balance.results.log import Log, pushes, steps
+from nadia_balance.results.plots import footsteps, time_series
 from nadia_balance.results.story import command_words, tell_commands, telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
 
 PLOTS = {
-    "timeline.png": plots.draw_contacts,
+    "timeline.png": time_series.draw_contacts,
     "footsteps.png": footsteps.draw,
-    "icp.png": plots.draw_icp,
-    "effort.png": plots.draw_effort,
-    "estimate.png": plots.draw_estimate,
+    "icp.png": time_series.draw_icp,
+    "effort.png": time_series.draw_effort,
+    "estimate.png": time_series.draw_estimate,
 }
 
 # All files that a run may write.
@@ -85,7 +86,7 @@ def write_plots(folder: Path, log: Log, summary: dict) -> list[str]:
     written = []
     with mpl.rc_context():
         mpl.rcdefaults()  # not the user's, such as text.usetex
-        mpl.rcParams.update(plots.RC)
+        mpl.rcParams.update(time_series.RC)
         for name, draw in PLOTS.items() if len(log["t"]) > 1 else ():
             if (figure := draw(log, summary)) is not None:
                 figure.savefig(folder / name)

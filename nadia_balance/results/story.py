@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-import nadia_balance.results as logs
+import nadia_balance.results.log as logs
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import Mode, Phase
-from nadia_balance.results import Log, pushes, signal, support_side
+from nadia_balance.core.walking.state import Mode, Phase
+from nadia_balance.results.log import Log, pushes, signal, support_side
 from nadia_balance.results.measurements import (
     SETTLED,
     CalmSteps,

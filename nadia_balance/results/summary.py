@@ -1,22 +1,21 @@
 """Evaluation of a run: from its log to summary.json."""
 
 import math
-import platform
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
-import nadia_balance.results as logs
-from nadia_balance.results import Log, icp_error, pushes, signal
+import nadia_balance.results.log as logs
 from nadia_balance.results import measurements as measured
+from nadia_balance.results.log import Log, icp_error, pushes, signal
 from nadia_balance.results.measurements import (
     ICP_BACK,
     SETTLED,
     STANDS,
     largest,
 )
+from nadia_balance.results.versions import versions
 from nadia_balance.systems.whole_body import GIVES_UP_AFTER
 
 PATIENCE = 8  # largest number of steps of a recovery [-]
@@ -211,15 +210,3 @@ def _gave_up(log: Log) -> bool:
     t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
     late = t > t[-1:] - GIVES_UP_AFTER - ROUNDING
     return not np.all(late) and not np.any(solved[late])
-
-
-def versions(engine: str = "drake") -> dict[str, str]:
-    """The versions of Python and of the packages that determine a run."""
-    found = {"python": platform.python_version()}
-    packages = "nadia_balance", "drake", "daqp", "numpy", engine
-    for package in dict.fromkeys(packages):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:  # run from a checkout
-            found[package] = "not installed"
-    return found

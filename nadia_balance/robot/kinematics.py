@@ -6,7 +6,7 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import cross
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.core.whole_body import command
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import plants

@@ -10,7 +10,7 @@ from pydrake.solvers import SnoptSolver
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.robot import plants
 from nadia_balance.robot.urdf import require
 

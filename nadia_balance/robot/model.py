@@ -20,16 +20,17 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.math.bounds import check, scaled
-from nadia_balance.core.walking.vocabulary import ORIGIN, FootPose, Side
+from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.scaling import scaled
+from nadia_balance.parameters.yaml_reader import load_tree, load_typed
 from nadia_balance.robot import params as robot_params
 from nadia_balance.robot import plants
 from nadia_balance.robot import urdf as robot_urdf
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.params import MODELS, RobotParams
 from nadia_balance.robot.urdf import add_urdf, naming
-from nadia_balance.typed_yaml import load_tree, load_typed
 
 # realistic: limits of a real robot.  ideal: full torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.

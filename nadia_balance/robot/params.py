@@ -10,9 +10,10 @@ from nadia_balance.core.body.model import JointDriveParams, LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.core.math.bounds import Size, bounded, check
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.scaling import Size
+from nadia_balance.parameters.yaml_reader import load_typed
 
 T = TypeVar("T")
 

@@ -13,9 +13,9 @@ from nadia_balance.core.body.reachability import (
     step_regions,
 )
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import scaled
 from nadia_balance.core.plan.gait import Gait
-from nadia_balance.core.walking.vocabulary import FootPose
+from nadia_balance.core.walking.state import FootPose
+from nadia_balance.parameters.scaling import scaled
 from nadia_balance.robot import plants
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.model import RobotModel

@@ -15,7 +15,7 @@ from nadia_balance.core.estimation import invariant_ekf as ekf
 from nadia_balance.core.estimation.complementary import Complementary
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import Input, Outcome, declare_scratch
 

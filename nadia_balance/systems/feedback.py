@@ -10,12 +10,12 @@ from nadia_balance.core.feedback import icp_step_qp, momentum_qp
 from nadia_balance.core.feedback.momentum_qp import momentum_rate
 from nadia_balance.core.math import lipm
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.polygon import shrink
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Phase, support_polygon
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Phase, support_polygon
+from nadia_balance.parameters.bounds import check
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import QpStatus, sizes
 

@@ -8,9 +8,9 @@ from pydrake.systems.framework import EventStatus, LeafSystem, System
 
 from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import Side, whole_ticks
+from nadia_balance.core.walking.state import Side, whole_ticks
+from nadia_balance.parameters.bounds import bounded
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import Input

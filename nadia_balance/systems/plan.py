@@ -11,7 +11,6 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.plan import atlas_icp_plan, icp_plan
 from nadia_balance.core.plan import walking_state_machine as clock
@@ -29,7 +28,8 @@ from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
+from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import (
     Input,
     declare_output,

@@ -19,7 +19,8 @@ from pydrake.common.value import Value
 from pydrake.systems import framework
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import MECHANISMS, Mechanisms
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 _REQUIRED = object()
@@ -110,11 +111,11 @@ class Input:
 
 # What a signal is for a block that is not connected to it.
 _DEFAULTS = {
-    "mechanisms": walking.MECHANISMS["all_with_cross_over"],
+    "mechanisms": MECHANISMS["all_with_cross_over"],
     "time_adjustment": (0.0, 0.0),
     "velocity_command": np.zeros(3),
 }
-_VIEWS = {"mechanisms": walking.Mechanisms.from_vector}
+_VIEWS = {"mechanisms": Mechanisms.from_vector}
 # What a value depends on; None: all inputs of its block.
 Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
 

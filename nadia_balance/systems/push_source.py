@@ -14,10 +14,10 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems import framework
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.math.bounds import check
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
-from nadia_balance.core.walking.vocabulary import Phase, Side, whole_ticks
+from nadia_balance.core.walking.state import Phase, Side, whole_ticks
+from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import declare_cache, declare_output, inputs
 
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]

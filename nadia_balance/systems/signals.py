@@ -13,8 +13,8 @@ from pydrake.systems import framework
 from nadia_balance.core.math.qp import QpResult
 from nadia_balance.core.plan.icp_plan import IcpPlan
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Mode, Phase, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Mode, Phase, Side
 from nadia_balance.core.whole_body.command import WholeBodyTerms
 
 PHASES = (Phase.STANDING, Phase.TRANSFER, Phase.SWING)

@@ -8,7 +8,7 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 from nadia_balance.core.body.model import lag_share
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from nadia_balance.core.whole_body.command import WholeBodyTerms
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.collision_avoidance import CollisionAvoidance

@@ -4,11 +4,11 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import edges_on_way
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.steps import capture_region, swing_foot
 from nadia_balance.core.steps import foothold_adjustment as rules
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions, Landing
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
+from nadia_balance.parameters.bounds import check
 from nadia_balance.systems import ports
 from nadia_balance.systems.signals import sizes
 

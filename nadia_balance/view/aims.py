@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import FootPoses, Side
+from nadia_balance.core.walking.state import FootPoses, Side
 
 ROOT = "/aims"  # not part of the drawings of a run
 PUSH = f"{ROOT}/push"

@@ -13,7 +13,7 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import circle
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from nadia_balance.systems.ports import inputs
 from nadia_balance.view import scene
 

@@ -7,7 +7,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import Mechanisms
+from nadia_balance.core.walking.mechanisms import Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"

@@ -20,7 +20,8 @@ from pydrake.visualization import ApplyVisualizationConfig, VisualizationConfig
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.vocabulary import FootPose, Mechanisms
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.state import FootPose
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import connect

@@ -12,7 +12,7 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Command, load_scenario, set_push
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.results import icp_error, signal, steps
+from nadia_balance.results.log import icp_error, signal, steps
 from nadia_balance.results.measurements import is_square
 from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot

@@ -12,10 +12,10 @@ import pytest
 from pydrake.multibody import plant as mbp
 
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, start
-from nadia_balance.results import signal
+from nadia_balance.results.log import signal
 from nadia_balance.systems.signals import PHASES
 from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
 from nadia_balance.view.scene import GHOST, start_meshcat

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
-from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
 from tests.diagrams.simulated import run_of, simulated

@@ -16,7 +16,7 @@ from nadia_balance.diagrams.simulation import (
     until_ctrl_c,
     walk_to_push,
 )
-from nadia_balance.results import pushes
+from nadia_balance.results.log import pushes
 from nadia_balance.results.measurements import calm_steps
 from tests.diagrams.simulated import diagram_of, simulated
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
-import nadia_balance.results as read
+import nadia_balance.results.log as read
 from nadia_balance.core.body.reachability import FORWARD, ReachabilityParams
 from nadia_balance.core.body.reachability import cross_over_region as crossed
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from tests.diagrams.simulated import run_of, soon
 

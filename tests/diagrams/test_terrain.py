@@ -8,13 +8,13 @@ import shapely
 
 from nadia_balance.core.body.ground import Ground, GroundError, Region
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.math.bounds import Size, scaled
 from nadia_balance.core.plan.gait import Gait, StepVector, walking_start
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.terrain import Terrain
-from nadia_balance.results import ground_regions, steps
+from nadia_balance.parameters.scaling import Size, scaled
+from nadia_balance.results.log import ground_regions, steps
 from tests.diagrams.simulated import run_of
 from tests.example_walks import MODEL, SOLE
 from tests.results.made_up_run import summary_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.results import Log, steps
+from nadia_balance.results.log import Log, steps
 from nadia_balance.robot.model import RobotModel, load_robot
 from tests.diagrams.simulated import EARLY, run_of, soon
 

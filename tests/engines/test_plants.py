@@ -12,7 +12,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
-from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
+from nadia_balance.core.walking.state import Phase, Side, WalkingState
 from nadia_balance.engines import plants
 from nadia_balance.engines.plants import MujocoPlant
 from nadia_balance.robot.model import load_robot

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from nadia_balance.new_robot import Notes
+from nadia_balance.new_robot.description import Notes
 from nadia_balance.new_robot.make import make_robot
 from tests import run_cache
 

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from nadia_balance.core.body.reachability import ReachabilityParams
-from nadia_balance.core.math.bounds import scaled
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.new_robot.make import make_robot
+from nadia_balance.parameters.scaling import scaled
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.reach import stride
 from tests.new_robot.biped import Biped, make_once

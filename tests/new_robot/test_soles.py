@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from nadia_balance.new_robot import COLLIDING, VISUAL, Link, Shape
 from nadia_balance.new_robot import shapes as soles
+from nadia_balance.new_robot.description import COLLIDING, VISUAL, Link, Shape
 
 TILT = RigidTransform(RollPitchYaw(0.2, -0.3, 0.5), [0.01, 0.02, -0.03])
 UPRIGHT = RollPitchYaw(0.0, 0.0, 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.walking.vocabulary import Mode, Phase, Side
+from nadia_balance.core.walking.state import Mode, Phase, Side
 from nadia_balance.results.summary import Run, RunInfo
 from nadia_balance.systems import signals
 from nadia_balance.systems.signals import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking.vocabulary import FootPose
+from nadia_balance.core.walking.state import FootPose
 from nadia_balance.results.live_watches import (
     REMEMBERED,
     FallWatch,

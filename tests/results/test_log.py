@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import phase_spans, pushes, signal, sole_pose, steps
+from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.results.log import (
+    phase_spans,
+    pushes,
+    signal,
+    sole_pose,
+    steps,
+)
 from tests.results.made_up_run import HALF_WIDTH, MASS, Recipe, T, make_log
 
 

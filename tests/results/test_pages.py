@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from nadia_balance.results import pages, pushes, steps
+from nadia_balance.results import pages
+from nadia_balance.results.log import pushes, steps
 from nadia_balance.results.story import telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import start_meshcat

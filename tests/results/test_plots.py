@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Side
-from nadia_balance.results import contacts, pushes
-from nadia_balance.results.plots import draw_contacts, footsteps
+from nadia_balance.core.walking.state import Side
+from nadia_balance.results.log import contacts, pushes
+from nadia_balance.results.plots import footsteps
+from nadia_balance.results.plots.time_series import draw_contacts
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Mode, Phase
-from nadia_balance.results import pushes, signal
+from nadia_balance.core.walking.state import Mode, Phase
+from nadia_balance.results.log import pushes, signal
 from nadia_balance.results.story import (
     TOLD_COMMANDS,
     direction_words,

@@ -8,7 +8,7 @@ import pytest
 from shapely import Polygon
 from shapely.affinity import rotate, translate
 
-from nadia_balance.results import signal
+from nadia_balance.results.log import signal
 from nadia_balance.results.measurements import StandsWatch
 from tests.results.made_up_run import MASS, Recipe, cut, make_log, summary_of
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.robot.model import load_robot
 
 

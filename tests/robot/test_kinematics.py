@@ -6,7 +6,7 @@ import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.core.whole_body.command import PELVIS, SOLES, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model

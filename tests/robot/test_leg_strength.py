@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydrake.multibody.tree import MultibodyForces
 
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.robot.leg_strength import StandingLegs
 from nadia_balance.robot.model import MODELS, load_robot
 from nadia_balance.robot.plants import actuators

@@ -16,11 +16,11 @@ import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
-from nadia_balance.scripts.sweep import TRIALS, Cell, Rows
+from nadia_balance.sweep.trials import TRIALS, Cell, Rows
 from tests import run_cache
 from tests.scripts.running import Outcome, assert_refused, program, run_script
-from tests.scripts.sweep.made_up import PATIENCE
 from tests.source_files import ROOT
+from tests.sweep.made_up import PATIENCE
 
 SOON = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
 # Some ten trials of a quarter of a second of processor time each.

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.push import Moment
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.scripts import single_pushes
-from nadia_balance.scripts.sweep import Rows
+from nadia_balance.sweep.trials import Rows
 from tests.scripts.running import assert_refused, run_script
-from tests.scripts.sweep.made_up import MadeUpRobot
 from tests.source_files import ROOT
+from tests.sweep.made_up import MadeUpRobot
 
 FIG10 = ROOT / "docs" / "results" / "fig10"
 
@@ -84,7 +84,7 @@ def test_a_papers_pushes_are_all_of_its_figure(capsys):
 def made_up(monkeypatch):
     """A robot whose limit is 0.5 m/s, in every direction."""
     robot = MadeUpRobot()
-    largest = "tests.scripts.sweep.made_up.largest"
+    largest = "tests.sweep.made_up.largest"
     monkeypatch.setattr(largest, lambda *_: 0.5)
     opened = contextlib.nullcontext(robot)
     trial = single_pushes.envelope.trial

@@ -7,7 +7,7 @@ import pytest
 
 from nadia_balance.core.steps import capture_region
 from nadia_balance.core.steps import foothold_adjustment as footholds
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from tests.blocks import answer, asked, fix

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.systems.state import CentroidalEstimator
 from tests import whole_body_examples as examples
 from tests.blocks import answer, asked

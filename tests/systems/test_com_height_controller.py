@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.body.com_height import ComHeightParams
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.state import FootPose, Side
 from nadia_balance.systems.feedback import ComHeightController
 from tests.blocks import answer, asked
 from tests.example_walks import MODEL

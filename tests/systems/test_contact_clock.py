@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.push import Push
-from nadia_balance.core.walking.vocabulary import Phase, Side
-from nadia_balance.results import phase_spans
+from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.results.log import phase_spans
 from nadia_balance.systems.push_source import ContactClock
 from tests.blocks import answer, fix, running
 from tests.diagrams.simulated import simulated

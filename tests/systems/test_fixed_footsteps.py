@@ -6,7 +6,7 @@ import numpy as np
 
 from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
 from nadia_balance.core.plan.gait import Gait, walking_start, within_reach
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.core.walking.state import FootPose, Phase, Side
 from nadia_balance.systems.plan import FixedFootsteps, FootstepPlanner
 from tests import example_walks as walks
 from tests.blocks import answer, asked

@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.systems.hardware import FootForceSensor
 from tests.boxes import cube, ground, register
 

@@ -11,7 +11,7 @@ from nadia_balance.core.plan.footstep_plan import (
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.plan import FootstepPlanner
 from tests import example_walks as walks
 from tests.blocks import answer, fix, running, tick

@@ -7,7 +7,7 @@ import pytest
 
 from nadia_balance.core.plan import atlas_icp_plan as atlas
 from nadia_balance.core.plan import icp_plan as nadia
-from nadia_balance.core.walking.vocabulary import Phase, WalkingState
+from nadia_balance.core.walking.state import Phase, WalkingState
 from nadia_balance.systems.plan import IcpPlanner
 from nadia_balance.systems.signals import IcpReference
 from tests.blocks import answer, asked

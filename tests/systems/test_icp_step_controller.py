@@ -7,7 +7,7 @@ import pytest
 
 from nadia_balance.core.feedback import icp_step_qp
 from nadia_balance.core.plan import atlas_icp_plan
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.feedback import IcpStepController
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.signals import EcmpCommand

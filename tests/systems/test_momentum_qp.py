@@ -7,7 +7,7 @@ import pytest
 
 from nadia_balance.core.feedback import momentum_qp
 from nadia_balance.core.math.qp import QpResult
-from nadia_balance.core.walking.vocabulary import FootPose, Side, WalkingState
+from nadia_balance.core.walking.state import FootPose, Side, WalkingState
 from nadia_balance.systems.feedback import MomentumQp
 from nadia_balance.systems.signals import EcmpCommand
 from tests import example_walks

@@ -3,7 +3,7 @@
 import pytest
 from pydrake.systems.framework import LeafSystem
 
-from nadia_balance.core.walking.vocabulary import FootPose, Footstep, Side
+from nadia_balance.core.walking.state import FootPose, Footstep, Side
 from nadia_balance.systems import ports
 from tests.blocks import asked, fix
 

@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.core.walking import vocabulary as walk
+from nadia_balance.core.walking import state as walk
 from nadia_balance.core.walking.push import Push
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import PushSignal, connect

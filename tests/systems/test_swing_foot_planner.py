@@ -8,7 +8,7 @@ import pytest
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.swing_detour import edges_on_way
 from nadia_balance.core.steps import swing_foot
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.steps import SwingFootPlanner
 from tests.blocks import answer, asked
 from tests.core.body.test_ground import square

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
-from nadia_balance.core.walking.vocabulary import MECHANISMS, WalkingState
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.plan import TimingAdapter
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, UNCROSSED, planned, successor, walk

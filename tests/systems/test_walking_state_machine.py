@@ -5,7 +5,7 @@ import pytest
 
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.plan import walking_state_machine as core
-from nadia_balance.core.walking.vocabulary import (
+from nadia_balance.core.walking.state import (
     FootPose,
     Footstep,
     Mode,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.systems.signals import QpStatus

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import FootPose, FootPoses
+from nadia_balance.core.walking.state import FootPose, FootPoses
 from nadia_balance.view import aims
 from nadia_balance.view.aims import Aims, commanded_way, heading
 from nadia_balance.view.scene import start_meshcat

@@ -26,7 +26,7 @@ from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.steps import capture_region
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.view.live_controls import (
     COMMANDS,
     DEAD_ZONE,

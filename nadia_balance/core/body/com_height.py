@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from nadia_balance.core.body.model import LegGeometry, PointMassModel
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
+from nadia_balance.parameters.bounds import bounded
 
 
 @dataclass(kw_only=True)

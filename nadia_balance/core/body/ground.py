@@ -11,8 +11,8 @@ import numpy as np
 from nadia_balance.core.body import reachability
 from nadia_balance.core.math import polygon as convex
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
+from nadia_balance.parameters.bounds import bounded
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]

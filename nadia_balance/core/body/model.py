@@ -10,8 +10,8 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.lipm import natural_frequency
+from nadia_balance.parameters.bounds import bounded
 
 
 @dataclass(kw_only=True)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import convex_hull
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.parameters.bounds import bounded
 
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 

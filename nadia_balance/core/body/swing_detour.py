@@ -11,10 +11,10 @@ import numpy as np
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import convex_hull, intersection
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.parameters.bounds import bounded
 
 Point = tuple[float, float]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
+from nadia_balance.parameters.bounds import bounded
 
 
 @dataclass(kw_only=True)

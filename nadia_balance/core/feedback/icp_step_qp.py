@@ -10,13 +10,13 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import base_region, in_world
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.plan.icp_plan import IcpReference, reference_of
 from nadia_balance.core.steps.foothold_adjustment import unadjusted
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Adjustment, WalkingState
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Adjustment, WalkingState
+from nadia_balance.parameters.bounds import bounded
 
 Halfspaces = tuple[Array, Array]  # A, b with A p <= b, in W
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)

@@ -8,9 +8,9 @@ import numpy as np
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import halfspaces, shrink
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
+from nadia_balance.parameters.bounds import bounded
 
 
 @dataclass(kw_only=True)

@@ -13,13 +13,13 @@ import numpy as np
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.lipm import icp, icp_after
 from nadia_balance.core.math.polygon import centroid, project, shrink
 from nadia_balance.core.plan.cop_waypoints import REST_DURATION
 from nadia_balance.core.plan.icp_plan import IcpPlan, solve_segments
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Phase, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.parameters.bounds import bounded
 
 _SHORTEST = 1e-9  # shorter segments are omitted [s]
 

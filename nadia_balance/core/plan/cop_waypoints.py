@@ -8,9 +8,9 @@ import numpy as np
 
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import FootPose, FootPoses, Side
+from nadia_balance.parameters.bounds import bounded
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
 REST_DURATION = 10.0  # [s]; long enough to count as infinite

@@ -19,7 +19,6 @@ from nadia_balance.core.body.reachability import (
     in_world,
 )
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import (
     contains,
     convex_hull,
@@ -27,14 +26,16 @@ from nadia_balance.core.math.polygon import (
     project,
 )
 from nadia_balance.core.steps import capture_region as capture
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import (
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.state import (
     FootPose,
     FootPoses,
     Footstep,
     Phase,
     Side,
 )
+from nadia_balance.parameters.bounds import bounded
 
 _STILL = 1e-6  # slower commands are to stand [m/s], [rad/s]
 
@@ -184,7 +185,7 @@ class FootstepPlan:
         icp: Array,
         reference: Array,
         feet: FootPoses,
-        on: walking.Mechanisms,
+        on: Mechanisms,
     ) -> tuple[Footstep, ...]:
         """Returns the footsteps after the present phase; () to stand.
 
@@ -259,7 +260,7 @@ class FootstepPlan:
         schedule: walking.ContactSchedule,
         feet: FootPoses,
         icp: Array,
-        on: walking.Mechanisms,
+        on: Mechanisms,
     ) -> tuple[Footstep, ...]:
         """Returns as few steps as capture the ICP, of the best of the feet."""
         captures = {
@@ -457,7 +458,7 @@ class FootstepPlan:
         side: Side,
         feet: FootPoses,
         icp: Array,
-        on: walking.Mechanisms,
+        on: Mechanisms,
     ) -> Capture:
         """Returns how the foot of `side` can catch the ICP (2,) [m] in W.
 

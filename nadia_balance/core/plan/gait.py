@@ -12,10 +12,10 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import ReachabilityParams as Reach
 from nadia_balance.core.body.reachability import base_region, in_world
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded, check
 from nadia_balance.core.math.polygon import convex_hull, intersection, project
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, FootPoses, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import FootPose, FootPoses, Side
+from nadia_balance.parameters.bounds import bounded, check
 
 _SIDES = ("left", "right")
 _DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]

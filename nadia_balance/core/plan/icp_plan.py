@@ -17,7 +17,7 @@ from nadia_balance.core.plan.cop_waypoints import (
     IcpPlanParams,
     cop_waypoints,
 )
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 
 _SWEEPS = 10  # projection sweeps over the shifted waypoints
 _LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]

@@ -10,11 +10,12 @@ from typing import NamedTuple
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import contains, project
 from nadia_balance.core.plan.icp_plan import IcpPlan, IcpReference
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.state import FootPose, Phase, WalkingState
+from nadia_balance.parameters.bounds import bounded
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
@@ -108,7 +109,7 @@ class Timing:
         plan: IcpPlan,
         icp: Array,
         feet: walking.FootPoses,
-        on: walking.Mechanisms,
+        on: Mechanisms,
     ) -> TimeAdjustment:
         """Returns the time by which to advance the clock; negative: hold it.
 

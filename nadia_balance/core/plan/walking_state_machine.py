@@ -14,15 +14,15 @@ import numpy as np
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.plan.icp_plan import IcpPlan
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import (
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
     FootPoses,
     Footstep,
     Phase,
     WalkingState,
 )
+from nadia_balance.parameters.bounds import bounded
 
 _NOBODY = type(None)  # plans footsteps: a call returns None
 _HUGE = 700.0  # largest exponent: e^700 is finite [-]

@@ -16,10 +16,10 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import in_world
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
 from nadia_balance.core.math.polygon import clip_all, convex_hull, minkowski_sum
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Mechanisms
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.parameters.bounds import bounded
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]

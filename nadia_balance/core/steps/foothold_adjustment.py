@@ -21,8 +21,8 @@ from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math import polygon as convex
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.steps import capture_region as capture
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Adjustment, FootPose
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Adjustment, FootPose
 
 Params = capture.CaptureRegionStepAdjusterParams
 

@@ -16,8 +16,8 @@ import numpy as np
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import PEAK, SwingEdges
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, WalkingState
+from nadia_balance.core.walking.state import FootPose, Phase, WalkingState
+from nadia_balance.parameters.bounds import bounded
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.bounds import bounded
-from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
+from nadia_balance.core.walking.state import Phase, Side, WalkingState
+from nadia_balance.parameters.bounds import bounded
 
 # Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]

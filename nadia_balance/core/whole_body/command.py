@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nadia_balance.core.body.model import JointDriveParams
 from nadia_balance.core.math.arrays import Array, cross
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
+from nadia_balance.core.walking.state import Phase, Side, WalkingState
 from nadia_balance.core.whole_body.params import CrossingTurnParams
 from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
 

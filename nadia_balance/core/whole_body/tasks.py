@@ -8,7 +8,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import tilt
+from nadia_balance.core.walking.state import tilt
 from nadia_balance.core.whole_body.command import BASE, PELVIS, TORSO
 from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
 from nadia_balance.core.whole_body.command import WholeBodyModel as Model

@@ -9,14 +9,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-import nadia_balance.results as logs
+import nadia_balance.results.log as logs
 from nadia_balance import palette
 from nadia_balance.core.body import reachability
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import contains
-from nadia_balance.core.walking.vocabulary import FootPose, Side
-from nadia_balance.results import Log, PushSpan, Step, plots, signal, sole_pose
+from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.results.log import Log, PushSpan, Step, signal, sole_pose
 from nadia_balance.results.measurements import recovered_at
+from nadia_balance.results.plots.time_series import (
+    FAINT,
+    TEXT,
+    arrow,
+    draw_sole,
+    fill,
+    plan_view,
+    title,
+)
 
 NEAR = 0.05  # nearer footholds are treated as one [m]
 _ON_EDGE = 1e-3  # tolerance for footholds on the edge of a region [m]
@@ -46,21 +55,21 @@ def draw(log: Log, summary: dict) -> Figure | None:
     size = np.maximum(scale * extent + [3.2, 1.0], _SHORTEST)
     fig = Figure(figsize=size, layout="constrained")
     ax = fig.subplots()
-    plots.plan_view(ax, *zip(low, high, strict=True))
+    plan_view(ax, *zip(low, high, strict=True))
     _draw_ground(ax, log, shown)
     _draw_footholds(ax, log, first, shown)
     _draw_paths(ax, log, rows)
     for push in pushed[-1:]:  # its arrow ends in the ICP, as the push begins
         tip = log["icp"][push.first]
         way = _ARROW * push.force[:2] / np.linalg.norm(push.force)
-        plots.arrow(ax, tip - way, tip, palette.PUSH, width=2.5)
+        arrow(ax, tip - way, tip, palette.PUSH, width=2.5)
         ax.plot([], [], color=palette.PUSH, lw=2.5, label="push")
         _draw_reach(ax, log, shown)
     _key_to_footholds(ax, shown)
     where = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
     ax.legend(title="numbers: which step", alignment="left", **where)
     times = f"{log['t'][first]:.2f} to {log['t'][last]:.2f} s"
-    ax.set_title(plots.title(summary, f"Footsteps, {times}"))
+    ax.set_title(title(summary, f"Footsteps, {times}"))
     return fig
 
 
@@ -113,7 +122,7 @@ def _draw_ground(ax: Axes, log: Log, shown: list[Step]) -> None:
         used = any(contains(s.achieved.p_WF[:2], region) for s in shown)
         look = {"alpha": 0.32 if used else 0.1, "linewidth": 0.8}
         look |= {"label": labels.pop(used, None), "zorder": 0.3}
-        plots.fill(ax, region, palette.GROUND, **look)
+        fill(ax, region, palette.GROUND, **look)
 
 
 def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
@@ -121,7 +130,7 @@ def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
 
     def show(pose: FootPose, side: Side, line: str, alpha: float) -> None:
         corners = pose.to_world(log["sole"])
-        plots.draw_sole(ax, corners, side, alpha, linestyle=line)
+        draw_sole(ax, corners, side, alpha, linestyle=line)
 
     for side in Side:
         show(sole_pose(log, first, side), side, ":", 0.06)
@@ -137,7 +146,7 @@ def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
             _number(ax, step, log["sole"])
         if _is_moved(step):
             head = "->,head_width=0.25,head_length=0.5"
-            plots.arrow(ax, start, end, plots.FAINT, width=1.2, style=head)
+            arrow(ax, start, end, FAINT, width=1.2, style=head)
 
 
 def _is_moved(step: Step) -> bool:
@@ -168,7 +177,7 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
             label = f"reach of step {step.number} (sole centre),\n{meaning}"
             edge = {"edgecolor": (*palette.rgb(palette.REACH), 0.7)}
             edge |= {"linewidth": 1.2, "zorder": 0.5}
-            plots.fill(ax, region, palette.REACH, label, alpha=0.07, **edge)
+            fill(ax, region, palette.REACH, label, alpha=0.07, **edge)
             return
 
 
@@ -179,10 +188,10 @@ def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
         ("--", "foothold as planned"),
         ("-", "foothold as adjusted,\nwhere the foot landed"),
     ):
-        ax.plot([], [], color=plots.TEXT, ls=line, lw=1.2, label=label)
+        ax.plot([], [], color=TEXT, ls=line, lw=1.2, label=label)
     if any(map(_is_moved, shown)):
         head = {"marker": ">", "ms": 4, "markevery": [1]}
-        ax.plot([], [], color=plots.FAINT, lw=1.2, label="adjustment", **head)
+        ax.plot([], [], color=FAINT, lw=1.2, label="adjustment", **head)
     for side in Side:
         nowhere, label = np.full((1, 2), np.nan), f"{side.value} foot"
-        plots.fill(ax, nowhere, palette.foot_color(side), label, alpha=_FILL)
+        fill(ax, nowhere, palette.foot_color(side), label, alpha=_FILL)

@@ -13,7 +13,7 @@ from nadia_balance.core.body.com_height import (
     ComHeightPlan,
 )
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests import example_walks
 from tests.core.body.test_ground import square
 

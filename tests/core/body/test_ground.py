@@ -17,9 +17,9 @@ from nadia_balance.core.body.ground import (
     check_ground,
 )
 from nadia_balance.core.math.arrays import rectangle
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.polygon import contains
-from nadia_balance.core.walking.vocabulary import FootPose
+from nadia_balance.core.walking.state import FootPose
+from nadia_balance.parameters.bounds import check
 from tests.example_walks import SOLE
 
 

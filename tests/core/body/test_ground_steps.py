@@ -16,7 +16,7 @@ from nadia_balance.core.plan.gait import (
     walking_start,
     within_reach,
 )
-from nadia_balance.core.walking.vocabulary import FootPose
+from nadia_balance.core.walking.state import FootPose
 from tests.core.body.test_ground import square
 from tests.example_walks import FEET, MODEL, SOLE
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from nadia_balance.core.body.model import JointDriveParams
-from nadia_balance.core.math.bounds import check
+from nadia_balance.parameters.bounds import check
 from tests.example_walks import MODEL
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from nadia_balance.core.body import reachability
 from nadia_balance.core.math.polygon import area, contains, convex_hull
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.state import FootPose, Side
 
 PARAMS = reachability.ReachabilityParams()
 

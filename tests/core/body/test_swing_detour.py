@@ -18,8 +18,8 @@ from nadia_balance.core.body.swing_detour import (
     edges_on_way,
 )
 from nadia_balance.core.steps import swing_foot
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import FootPose, Side
 from nadia_balance.diagrams.terrain import Terrain
 from tests.core.body.test_ground import square
 from tests.example_walks import IDEAL_DETOUR, MODEL, SOLE, stepping

@@ -3,9 +3,9 @@
 import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.core.math.bounds import check
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import SENSORS, load_scenario
+from nadia_balance.parameters.bounds import check
 from nadia_balance.robot.params import load_sensors
 
 

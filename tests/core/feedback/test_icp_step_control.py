@@ -15,7 +15,7 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     plan_atlas_icp,
 )
 from nadia_balance.core.plan.icp_plan import reference_of
-from nadia_balance.core.walking.vocabulary import (
+from nadia_balance.core.walking.state import (
     FootPose,
     Phase,
     Side,

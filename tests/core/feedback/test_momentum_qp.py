@@ -13,10 +13,10 @@ from nadia_balance.core.feedback.momentum_qp import (
     feedback_limits,
     momentum_rate,
 )
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.math.lipm import com_after, icp_after
 from nadia_balance.core.math.qp import QpProblem
-from nadia_balance.core.walking.vocabulary import FootPose
+from nadia_balance.core.walking.state import FootPose
+from nadia_balance.parameters.bounds import check
 from tests.example_walks import MODEL, OMEGA, SOLE
 from tests.qp_examples import by_quadprog
 

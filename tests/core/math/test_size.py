@@ -6,7 +6,8 @@ import math
 import pytest
 
 from nadia_balance.balance_controller import ControllerParams
-from nadia_balance.core.math.bounds import NADIA, Size, bounded, scaled
+from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.scaling import NADIA, Size, scaled
 from nadia_balance.robot.model import load_robot_params
 
 DOUBLE = Size(*(2.0 * length for length in NADIA))

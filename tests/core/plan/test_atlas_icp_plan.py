@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nadia_balance.core.math.lipm import icp
 from nadia_balance.core.plan import atlas_icp_plan
 from nadia_balance.core.plan.icp_plan import reference_of
-from nadia_balance.core.walking.vocabulary import WalkingState
+from nadia_balance.core.walking.state import WalkingState
 from tests.example_walks import (
     MODEL,
     OMEGA,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nadia_balance.core.plan import cop_waypoints as cop
-from nadia_balance.core.walking.vocabulary import FootPose, Phase, Side
+from nadia_balance.core.walking.state import FootPose, Phase, Side
 from tests.example_walks import SOLE, at_rest, standing, walk
 
 STANCE = cop.Stance(cop.IcpPlanParams(), SOLE)

@@ -22,8 +22,9 @@ from nadia_balance.core.plan.footstep_plan import (
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import MECHANISMS, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.state import Side
 from tests import example_walks as walks
 from tests.example_walks import ALL, FEET, MODEL, OMEGA, SOLE
 

@@ -19,7 +19,7 @@ from nadia_balance.core.plan.gait import (
     walking_start,
     within_reach,
 )
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests.example_walks import FEET, MODEL
 
 REACH = MODEL.reach

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from nadia_balance.core.plan import icp_plan
 from nadia_balance.core.plan.cop_waypoints import cop_waypoints
 from nadia_balance.core.plan.gait import within_reach
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests.example_walks import MODEL, OMEGA, SOLE, at_rest, successor, walk
 
 

@@ -13,7 +13,7 @@ from nadia_balance.core.plan.time_adjustment import (
     TimingAdapterParams,
     is_leaving,
 )
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests import example_walks as walks
 
 PERIOD = 0.002

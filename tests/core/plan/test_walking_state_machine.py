@@ -16,7 +16,7 @@ from nadia_balance.core.plan.walking_state_machine import (
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests import example_walks as walks
 from tests.core.body.test_ground import square
 from tests.example_walks import FEET, MODEL, OMEGA, SOLE

@@ -29,7 +29,7 @@ from nadia_balance.core.steps.capture_region import (
     later_steps,
     one_step_region,
 )
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking.state import FootPose, Side
 from tests.core.body.test_ground import square
 from tests.example_walks import ALL, MODEL, OMEGA, SOLE, UNCROSSED, moved, swing
 

@@ -29,7 +29,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests.core.body.test_ground import square
 from tests.core.steps.test_capture_region import PARAMS, geometry, on_ground
 from tests.example_walks import ALL, UNCROSSED, mirrored, moved, swing

@@ -14,8 +14,8 @@ from nadia_balance.core.steps.swing_foot import (
     end_beyond,
     quintic,
 )
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import FootPose, Side
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import FootPose, Side
 from tests.example_walks import IDEAL_DETOUR, MODEL, stepping
 
 HORIZON = 0.6

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.walking.push import Moment, Push, random_pushes
-from nadia_balance.core.walking.vocabulary import Phase, Side, WalkingState
+from nadia_balance.core.walking.state import Phase, Side, WalkingState
+from nadia_balance.parameters.bounds import check
 from tests.example_walks import standing
 
 PERIOD = 0.002

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.vocabulary import (
+from nadia_balance.core.walking.state import (
     FootPose,
     FootPoses,
     Phase,

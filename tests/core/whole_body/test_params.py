@@ -2,8 +2,8 @@
 
 import pytest
 
-from nadia_balance.core.math.bounds import check
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.parameters.bounds import check
 
 
 def test_the_unloaded_foot_carries_more_than_the_least_force():

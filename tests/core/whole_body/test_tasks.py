@@ -8,7 +8,7 @@ import pytest
 from pydrake.math import RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from nadia_balance.core.walking.vocabulary import Side
+from nadia_balance.core.walking.state import Side
 from nadia_balance.core.whole_body.command import BASE, PELVIS, TORSO
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp

@@ -3,7 +3,6 @@
 import copy
 import math
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import shapely
 from hypothesis import given
 from shapely import affinity
 
-from nadia_balance.core.walking import vocabulary as walking
+from nadia_balance.core.walking import state as walking
 from tests.example_walks import SOLE, random_walks
 
 POSE = walking.FootPose([1.0, 2.0, 0.5], math.pi / 2)
@@ -72,27 +71,3 @@ def test_the_support_polygon_is_the_hull_of_the_soles_in_contact(schedule):
     expected = shapely.union_all([sole_in_world(f) for f in feet]).convex_hull
     ours = shapely.Polygon(walking.support_polygon(schedule, SOLE))
     assert ours.symmetric_difference(expected).area < 1e-12
-
-
-@pytest.mark.parametrize("on", list(product([False, True], repeat=4)))
-def test_the_vector_has_the_order_of_the_columns_and_leads_back(on):
-    """Oracle: the way back, for all sixteen."""
-    names = "step", "swing", "transfer", "cross_over"
-    found = walking.Mechanisms(**dict(zip(names, on, strict=True)))
-    assert found.as_vector().tolist() == list(on)
-    assert walking.Mechanisms.from_vector(found.as_vector()) == found
-
-
-def test_each_set_of_mechanisms_has_one_more_than_the_one_before():
-    """Oracle: Fig. 10's legend."""
-    counts = [on.as_vector().sum() for on in walking.MECHANISMS.values()]
-    assert counts == [0, 1, 2, 3, 4]
-
-
-def test_those_of_the_atlas_paper_combine_step_and_timing():
-    """Oracle: Fig. 6's legend; transfers and crossed legs are not in it."""
-    found = {
-        (on.step, on.swing, on.transfer, on.cross_over)
-        for on in walking.ATLAS_MECHANISMS.values()
-    }
-    assert found == set(product([False, True], [False, True], [False], [False]))

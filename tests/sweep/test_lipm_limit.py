@@ -9,9 +9,10 @@ from scipy.integrate import solve_ivp
 
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import MECHANISMS, Phase
-from nadia_balance.lipm_limit import LOST, LipmLimit
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.state import Phase
+from nadia_balance.sweep.lipm_limit import LOST, LipmLimit
 from tests.example_walks import ALL, FEET, MODEL, walk
 
 SPEED = 3.0  # of a foot [m/s]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.scripts.sweep import FROM_SUMMARY, Cell
-from nadia_balance.scripts.sweep import trial as module
-from nadia_balance.scripts.sweep.search import Sweep
-from nadia_balance.scripts.sweep.trial import open_workers, run_trial
+from nadia_balance.sweep import run_trial as module
+from nadia_balance.sweep.run_trial import open_workers, run_trial
+from nadia_balance.sweep.search import Sweep
+from nadia_balance.sweep.trials import FROM_SUMMARY, Cell
 from tests.diagrams import simulated
-from tests.scripts.sweep.made_up import PATIENCE, cell_to, stepping_sweep
+from tests.sweep.made_up import PATIENCE, cell_to, stepping_sweep
 
 CELL = cell_to(120.0)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from nadia_balance import core
-from nadia_balance.core.math.bounds import bounded, check
+from nadia_balance.parameters.bounds import bounded, check
 
 NAN, INF = math.nan, math.inf
 

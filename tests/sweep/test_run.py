@@ -5,8 +5,9 @@ import time
 
 import pytest
 
-from nadia_balance.scripts.sweep import Rows, trial
-from tests.scripts.sweep import made_up
+from nadia_balance.sweep import run_trial as trial
+from nadia_balance.sweep.trials import Rows
+from tests.sweep import made_up
 
 
 @pytest.fixture

@@ -5,12 +5,13 @@ from statistics import fmean
 
 import pytest
 
-from nadia_balance.core.walking.vocabulary import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.scripts.sweep import Cell, limits
-from nadia_balance.scripts.sweep.limits import known_limits, limits_of
-from tests.scripts.sweep.made_up import AT
+from nadia_balance.sweep import limits
+from nadia_balance.sweep.limits import known_limits, limits_of
+from nadia_balance.sweep.trials import Cell
 from tests.source_files import ROOT
+from tests.sweep.made_up import AT
 
 AT_MOST = "all_with_cross_over"
 

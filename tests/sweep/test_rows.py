@@ -3,21 +3,14 @@
 import csv
 import hashlib
 import random
-import sys
 
 import pytest
 
-from nadia_balance.scripts.sweep import (
-    FROM_SUMMARY,
-    KEY,
-    TRIALS,
-    Rows,
-    code_hash,
-)
-from nadia_balance.scripts.sweep.limits import LIMITS, OTHERS, WORST
-from nadia_balance.scripts.sweep.search import SearchParams
-from tests.scripts.sweep.made_up import identity_of, made_up_rows, papers
+from nadia_balance.sweep.limits import LIMITS, OTHERS, WORST
+from nadia_balance.sweep.search import SearchParams
+from nadia_balance.sweep.trials import FROM_SUMMARY, KEY, TRIALS, Rows
 from tests.source_files import ROOT
+from tests.sweep.made_up import identity_of, made_up_rows, papers
 
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
 IDENTITY = identity_of(SEARCH)
@@ -65,7 +58,7 @@ def test_refuses_another_sweep_and_another_process(tmp_path):
         with pytest.raises(ValueError, match="^out = .*in use by no other"):
             Rows.opened(tmp_path, IDENTITY).__enter__()
     before = (tmp_path / TRIALS).read_bytes()
-    for name, value in ("resolution", 0.2), ("plant", "lipm"), ("code", "0"):
+    for name, value in ("resolution", 0.2), ("plant", "lipm"), ("commit", "0"):
         with pytest.raises(ValueError, match=f"^{name} = {value}: must be "):
             Rows.opened(tmp_path, {**IDENTITY, name: value}).__enter__()
     assert (tmp_path / TRIALS).read_bytes() == before
@@ -122,24 +115,20 @@ def test_the_page_tells_how_the_single_pushes_ended():
         assert f"| {ended.count('recovered')} of {len(ended)} |" in line
 
 
-def test_results_and_pictures_are_of_this_code():
-    """Oracle: the fingerprints of this code, and of what `make results` makes.
+def test_results_and_pictures_are_of_the_commit_that_is_told():
+    """Oracle: the fingerprints of what `make results` has made.
 
-    That of the code is of one Python.  A policy's rows are not of our control.
+    A policy's rows are not of our control.
     """
     page = (RESULTS / "README.md").read_text("utf-8")
     first, *lines = (RESULTS / "made.txt").read_text("utf-8").splitlines()
-    # `same`: later code of which some rows were remade, equal in all digits.
-    _, code, *same, _, major, minor = first.split()
-    assert f"code `{code}`" in page, "docs/results/README.md"
-    known = [code, *same[1:]]
+    commit = first.split()[1]
+    assert f"commit `{commit}`" in page, "docs/results/README.md"
     for path in RESULTS.rglob(TRIALS):
         rows = Rows.read(path.parent)
         if "controller" not in rows.identity:
-            assert rows.identity["code"] in known, f"{path}: make results"
+            assert rows.identity["commit"] == commit, f"{path}: make results"
     assert f"{len(Rows.read(RESULTS / 'fig10').all)} trials" in page
-    if (int(major), int(minor)) == sys.version_info[:2]:
-        assert code_hash() in known, "other control code: make results"
     made = dict(line.split()[::-1] for line in lines)
     docs = [path for path in (ROOT / "docs").rglob("*.*") if path.suffix in ART]
     assert {*made} == {str(path.relative_to(ROOT)) for path in docs}

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.scripts.sweep import search as module
-from nadia_balance.scripts.sweep.search import SearchParams, limit, next_batch
+from nadia_balance.sweep import search as module
+from nadia_balance.sweep.search import SearchParams, limit, next_batch
 
 COARSE = SearchParams(resolution=0.1)  # five replicas, strides of 0.8 m/s
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nadia_balance.core.walking import vocabulary
+from nadia_balance.core.walking import mechanisms as switches
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
-from nadia_balance.lipm_limit import LipmLimit
 from nadia_balance.robot.model import MODELS, load_robot
-from nadia_balance.scripts.sweep import MOST, Cell, Rows, Situation, results_of
-from nadia_balance.scripts.sweep.search import SearchParams, Sweep, limit
-from nadia_balance.scripts.sweep.trial import limit_from
+from nadia_balance.sweep.lipm_limit import LipmLimit
+from nadia_balance.sweep.run_trial import limit_from
+from nadia_balance.sweep.search import SearchParams, Sweep, limit
+from nadia_balance.sweep.trials import MOST, Cell, Rows, Situation, results_of
 
 LIMITS = "limits.csv"  # its lines are the records
 BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
@@ -82,7 +82,7 @@ PROTOCOLS = {
         scenario_name="push",
         at=AT,
         directions="12",
-        mechanisms=",".join(vocabulary.MECHANISMS),
+        mechanisms=",".join(switches.MECHANISMS),
         paper="the Nadia paper's, Fig. 10",
         figures="nadia_fig10.csv",
     ),
@@ -92,7 +92,7 @@ PROTOCOLS = {
         "atlas_in_place_fast,atlas_in_place_slow",
         at="right swing 50 %",
         directions="0,30,45,90,135,150,180,210,225,240,270,300,315,330",
-        mechanisms=",".join(vocabulary.ATLAS_MECHANISMS),
+        mechanisms=",".join(switches.ATLAS_MECHANISMS),
         paper="the Atlas paper's, Fig. 6",
         figures="atlas_fig6.csv",
         unit_speed=0.981,  # forces over the weight, for 0.1 s
@@ -141,14 +141,14 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
-    mechanisms = [name for name in vocabulary.NAMED if name in tried]
+    mechanisms = [name for name in switches.NAMED if name in tried]
     records, assumptions = [], set()
     for one in situations:
         limits = limits_of(scenarios[one[0]], one)
         if limits:
             assumptions.add(limits[0].assumptions)
         for name in mechanisms:
-            on = [replace(limit, on=vocabulary.NAMED[name]) for limit in limits]
+            on = [replace(limit, on=switches.NAMED[name]) for limit in limits]
             for direction in sorted({cell.direction_deg for cell in groups}):
                 cell = Cell(*one, name, direction)
                 trials = groups.get(cell, [])
@@ -228,7 +228,7 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
         if not limits[one]:
             first[cell] = BEGIN_STANDING * speed
             continue
-        limit = replace(limits[one][1], on=vocabulary.NAMED[cell.mechanisms])
+        limit = replace(limits[one][1], on=switches.NAMED[cell.mechanisms])
         first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 

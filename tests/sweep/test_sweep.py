@@ -1,22 +1,19 @@
 """A sweep is what its flags say, is checked, and says what it shares."""
 
 import json
-import re
 import shutil
 
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-import nadia_balance.scripts.sweep as fingerprint
-from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
+import nadia_balance.sweep.trials as fingerprint
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope import parser_of, sweep_from
-from nadia_balance.scripts.sweep import Cell
-from nadia_balance.scripts.sweep.search import SearchParams
-from tests.scripts.running import ended, python
-from tests.scripts.sweep.made_up import made_up_sweep
-from tests.source_files import ROOT, module_name
+from nadia_balance.sweep.search import SearchParams
+from nadia_balance.sweep.trials import Cell
+from tests.sweep.made_up import made_up_sweep
 
 LATER = "left transfer 50 %"
 
@@ -101,56 +98,6 @@ def test_replicas_differ_by_seed_and_a_tick_and_nothing_else(plant, tick):
         texts.add(yaml_dump_typed(walk))
     assert len(texts) == 1
     assert yaml_dump_typed(scenario) == before
-
-
-def test_the_fingerprint_is_of_every_file_of_a_trial():
-    """Oracle: what Python imports for one."""
-    package = "nadia_balance.scripts.sweep"
-    code = f"import sys, {package}.trial, {package}.search; print(*sys.modules)"
-    (loaded,) = ended(python("-c", code)).out
-    modules = {m for m in loaded.split() if m.startswith("nadia_balance")}
-    names = {
-        f"{module.removeprefix(f'{package}.')}.py"
-        for module in modules
-        if module.startswith(f"{package}.")
-    }
-    assert {*names, "__init__.py"} == set(fingerprint.TRIAL_FILES)
-    covered = {
-        module_name(path.relative_to(ROOT)).removesuffix(".__init__")
-        for path in fingerprint.code_files(ROOT / "nadia_balance")
-    }
-    assert modules - covered == {"nadia_balance.scripts"}
-
-
-def test_sees_a_change_of_the_code_but_not_of_a_plot_or_a_word(tmp_path):
-    """Oracle: a copy of the project, changed in one file at a time."""
-    junk = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "nadia_balance", tmp_path / "lib", ignore=junk)
-    before = fingerprint.code_hash(tmp_path / "lib")
-    assert before == fingerprint.code_hash()
-    assert re.fullmatch("[0-9a-f]{16}", before)
-    lipm = tmp_path / "lib" / "core" / "math" / "lipm.py"
-    text = lipm.read_text()
-    assert text.startswith('"""') and "    return " in text
-    for words in (
-        text.replace('"""', '"""In other words: ', 1),
-        text.replace("    return ", "    # A word more.\n    return ", 1),
-    ):
-        lipm.write_text(words)
-        assert fingerprint.code_hash(tmp_path / "lib") == before
-    for name, seen in (
-        ("lib/results/plots/footsteps.py", False),
-        ("lib/scripts/sweep/report.py", False),
-        ("lib/scripts/sweep/trial.py", True),
-        ("lib/core/math/lipm.py", True),
-        ("lib/engines/mujoco_model.py", True),
-        ("lib/diagrams/lipm.py", True),
-        ("lib/models/nadia/robot.yaml", True),
-    ):
-        (tmp_path / name).write_text("")
-        after = fingerprint.code_hash(tmp_path / "lib")
-        assert (after != before) is seen, name
-        before = after
 
 
 def test_parameters_are_all_but_what_a_sweep_sets_itself():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 from pydrake.multibody.plant import MultibodyPlantConfig
 
-from nadia_balance.typed_yaml import load_typed
+from nadia_balance.parameters.yaml_reader import load_typed
 
 
 @dataclass(kw_only=True)

@@ -5,10 +5,8 @@ row is on the disk when `add` returns; the last line may be torn after a power
 cut, and is left out.
 """
 
-import ast
 import contextlib
 import csv
-import functools
 import hashlib
 import io
 import json
@@ -20,12 +18,11 @@ from typing import NamedTuple, TextIO
 
 from pydrake.common.yaml import yaml_dump_typed
 
-import nadia_balance
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.core.walking.push import Moment
-from nadia_balance.core.walking.vocabulary import NAMED
 from nadia_balance.diagrams.scenario import STANDING, Scenario
 from nadia_balance.results.folder import appearing, locked
-from nadia_balance.results.summary import versions
+from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
 
 TRIALS = "trials.csv"
@@ -33,14 +30,6 @@ RECOVERED, UNDECIDED = "recovered", "undecided"
 IDENTITY = "robot scenario plant resolution stride replicas largest".split()
 MOST = 100.0  # no push is larger [m/s]
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error")
-
-PACKAGE = Path(nadia_balance.__file__).parent
-# Files on which a row depends; not reports and plots.
-FOLDERS = (
-    *("", "core/**", "diagrams", "engines", "models/*"),
-    *("results", "robot", "systems", "view"),
-)
-TRIAL_FILES = ("__init__.py", "search.py", "trial.py")
 
 
 class Cell(NamedTuple):
@@ -209,46 +198,20 @@ def _parsed(line: dict[str, str]) -> dict:
 
 
 def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
-    """Returns versions and hashes: this process' code, robot and policy."""
-    file = Path(controller)
-    policy = f"{file.name} {digest([file.read_bytes()])}" if controller else ""
-    found = {"controller": policy} if controller else {}
-    found |= {"code": _first_hash(PACKAGE)}
+    """Returns the versions of this process, its robot's and its policy's hash.
+
+    Args:
+        scenario: one of the sweep.
+        controller: path of a policy, or "".
+    """
+    found = versions(scenario.engine)
     found |= {"robot_files": robot_hash(scenario.robot)}
-    return versions(scenario.engine) | found
-
-
-def code_hash(package: Path = PACKAGE) -> str:
-    """Returns a hash (16 hex digits) of the code of trials, without words."""
-    parts = []
-    for path in code_files(package):
-        parts.append(path.relative_to(package).as_posix().encode())
-        text = path.read_bytes()
-        parts.append(without_words(text) if path.suffix == ".py" else text)
-    return digest(parts)
-
-
-_first_hash = functools.cache(code_hash)  # the files may change later
-
-
-def code_files(package: Path) -> list[Path]:
-    """Returns the files in `package` that trials use, in order."""
-    paths = {package / "scripts/sweep" / name for name in TRIAL_FILES}
-    for folder in FOLDERS:
-        for ending in ("py", "yaml", "urdf"):
-            paths.update(package.glob(f"{folder}/*.{ending}".lstrip("/")))
-    return sorted(paths)
-
-
-@functools.cache
-def without_words(text: bytes) -> bytes:
-    """Returns Python code without docstrings and comments."""
-    tree = ast.parse(text)
-    kinds = ast.Module, ast.ClassDef, ast.FunctionDef
-    for node in ast.walk(tree):
-        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
-            del node.body[0]
-    return ast.dump(tree).encode()
+    if controller:
+        policy = Path(controller)
+        found |= {
+            "controller": f"{policy.name} {digest([policy.read_bytes()])}"
+        }
+    return found
 
 
 def robot_hash(name: str) -> str:

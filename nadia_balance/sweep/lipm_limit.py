@@ -23,8 +23,9 @@ from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.math.qp import largest_first
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import vocabulary as walking
-from nadia_balance.core.walking.vocabulary import Mechanisms, support_polygon
+from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.state import support_polygon
 
 LOST = -1  # no number of steps captures the robot
 

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from nadia_balance.core.math.bounds import bounded, check
-from nadia_balance.core.walking.vocabulary import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario, let_stand
-from nadia_balance.scripts.sweep import Cell, Results, Trial, digest, of_process
+from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.sweep.trials import Cell, Results, Trial, digest, of_process
 
 
 @dataclass(kw_only=True)

@@ -10,9 +10,10 @@ from pathlib import Path
 from unittest.mock import patch
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.scripts.sweep import Cell, Rows, Situation, limits
-from nadia_balance.scripts.sweep.limits import LimitTable, protocol_of
-from nadia_balance.scripts.sweep.search import SearchParams, Sweep, next_batch
+from nadia_balance.sweep import limits
+from nadia_balance.sweep.limits import LimitTable, protocol_of
+from nadia_balance.sweep.search import SearchParams, Sweep, next_batch
+from nadia_balance.sweep.trials import Cell, Rows, Situation
 
 SEARCH = SearchParams()
 AT: Situation = ("push", "right swing 25 %")  # of the Nadia paper's Fig. 10
@@ -37,7 +38,7 @@ def identity_of(search: SearchParams = SEARCH) -> dict:
         "plant": "humanoid",
         **asdict(search),
         "seed": 0,
-        "code": "fedcba9876543210",
+        "commit": "fedcba9876",
     }
 
 

@@ -9,11 +9,12 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.walking.vocabulary import ATLAS_MECHANISMS, MECHANISMS
-from nadia_balance.scripts.sweep import Cell, Rows, report
-from nadia_balance.scripts.sweep.limits import LIMITS, protocol_of
-from nadia_balance.scripts.sweep.search import SearchParams
-from tests.scripts.sweep.made_up import AT, identity_of, made_up_rows, table_of
+from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.sweep import report
+from nadia_balance.sweep.limits import LIMITS, protocol_of
+from nadia_balance.sweep.search import SearchParams
+from nadia_balance.sweep.trials import Cell, Rows
+from tests.sweep.made_up import AT, identity_of, made_up_rows, table_of
 
 ALL = "all_with_cross_over"
 COARSE = SearchParams(resolution=0.1, stride=4, largest=2.0)

@@ -16,13 +16,15 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from tqdm import tqdm
 
-from nadia_balance.core.walking.vocabulary import NAMED
+from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.lipm_limit import LipmLimit
+from nadia_balance.parameters.yaml_reader import load_typed
 from nadia_balance.results.summary import Run
-from nadia_balance.scripts.sweep import (
+from nadia_balance.sweep.lipm_limit import LipmLimit
+from nadia_balance.sweep.search import Sweep
+from nadia_balance.sweep.trials import (
     FROM_SUMMARY,
     Cell,
     Results,
@@ -30,8 +32,6 @@ from nadia_balance.scripts.sweep import (
     of_process,
     results_of,
 )
-from nadia_balance.scripts.sweep.search import Sweep
-from nadia_balance.typed_yaml import load_typed
 
 CONNECT_TIMEOUT = 5.0  # [s]
 LOOK = 0.2  # period of the checks whether to stop [s]

@@ -1,0 +1,1 @@
+"""Parameters: bounds, scaling to other robots, and their files."""

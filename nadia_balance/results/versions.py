@@ -1,0 +1,77 @@
+"""The versions of all that determines a run, and the commit of this code."""
+
+import functools
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import nadia_balance
+
+CHECKOUT = Path(nadia_balance.__file__).resolve().parents[1]
+CODE = ("nadia_balance", "diagrams", "models", "scripts")  # in a checkout
+
+
+def versions(engine: str = "drake") -> dict[str, str]:
+    """Returns the versions of Python, of this code, and of what it uses.
+
+    Args:
+        engine: name of the package that moves the robot.
+
+    Returns:
+        A version by name, "not installed" if there is none; in a checkout
+        with git, `commit` is the present one (see commit_of).
+    """
+    packages = ["nadia_balance", "drake", "daqp", "numpy", engine]
+    commit = commit_of()
+    return {
+        "python": platform.python_version(),
+        **{package: _version(package) for package in packages},
+        **({"commit": commit} if commit else {}),
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from a checkout
+        return "not installed"
+
+
+@functools.cache  # of this process: the files may change later
+def commit_of(checkout: Path = CHECKOUT) -> str:
+    """Returns the commit of the code in a checkout, by 10 hex digits.
+
+    With changes that are not committed, these follow after a "+", as 10 hex
+    digits of their own.
+
+    Args:
+        checkout: folder of the repository, by default that of this package.
+
+    Returns:
+        Such as "0123456789", or "0123456789+abcdef0123"; "" if the folder is
+        no checkout of its own, as after an installation, or git is missing.
+    """
+    try:
+        if _git(checkout, "rev-parse", "--show-toplevel") != str(checkout):
+            return ""
+        head = _git(checkout, "rev-parse", "--short=10", "HEAD")
+        changes = _git(checkout, "diff", "HEAD", "--", *CODE)
+        if not changes:
+            return head
+        of_changes = _git(checkout, "hash-object", "--stdin", text=changes)
+        return f"{head}+{of_changes[:10]}"
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+def _git(folder: Path, *arguments: str, text: str = "") -> str:
+    done = subprocess.run(
+        ["git", "-C", str(folder), *arguments],
+        input=text,
+        capture_output=True,
+        check=True,
+        encoding="utf-8",
+        errors="replace",
+    )
+    return done.stdout.strip()

@@ -1,0 +1,1 @@
+"""Sweeps of pushes: trials, searches of limits, reports."""

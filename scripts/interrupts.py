@@ -1,0 +1,17 @@
+"""The programs of this package: `push`, `simulate`, `envelope` and others.
+
+A program imports this module first: until its `main` begins, Ctrl-C ends it as
+the system does, without the traceback of a half imported Drake.
+"""
+
+import signal
+import sys
+from pathlib import Path
+
+_PROGRAMS = """benchmark envelope estimate export_mcap new_robot push
+    simulate single_pushes _m""".split()  # the last: `python -m`
+if (
+    Path(sys.argv[0]).stem.removeprefix("nadia-").replace("-", "_") in _PROGRAMS
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
