@@ -1,19 +1,17 @@
-"""Bounds and unit of a parameter, written beside its default.
+"""Parameters: their bounds, unit and meaning, written beside their default.
 
-    @dataclass(kw_only=True)
-    class Params:
-        gain: float = bounded(3.0, above=1.0)
+@parameters
+class Params:
+    '''Of the feedback.'''
 
-    check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
+    gain: float = bounded(3.0, above=1.0, doc="of the ICP error")
 
-Parameters are tuned on Nadia.  For another robot they are `scaled` by Froude
-similarity at constant gravity: lengths scale with the leg, times with its
-square root, forces with its cube; parameters of the sole scale with the sole,
-those of treads with what is larger for its size.
+check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
 """
 
 import dataclasses
 import math
+import typing
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -89,15 +87,52 @@ class Bounds(NamedTuple):
 UNBOUNDED = Bounds()
 
 
-def bounded(default: Any, **bounds: Any) -> Any:
-    """Returns a dataclass field with this default and `Bounds` for `check`.
+def bounded(default: Any, *, doc: str = "", **bounds: Any) -> Any:
+    """Returns a dataclass field with this default, `Bounds` and meaning.
 
-    The default may be a factory, such as `dict`, or a dataclass with bounds of
-    its own.  None is always allowed.
+    None is always allowed.
+
+    Args:
+        default: value, or a factory such as `dict` or a class of parameters.
+        doc: what it is, in a sentence without the unit; the one source of
+            `help()`, the reference page and the JSON schema.
+        **bounds: those of Bounds.
     """
     kind = "default_factory" if callable(default) else "default"
-    metadata = {"bounds": Bounds(**bounds)}
+    metadata = {"bounds": Bounds(**bounds), "doc": doc}
     return dataclasses.field(metadata=metadata, **{kind: default})
+
+
+@typing.dataclass_transform(
+    kw_only_default=True, field_specifiers=(bounded, dataclasses.field)
+)
+def parameters(owner: type[T]) -> type[T]:
+    """Makes a class of parameters: a dataclass that takes no unknown field.
+
+    Its fields are given by keyword; `help()` tells each by its `doc`.
+
+    Args:
+        owner: class with annotated fields (see bounded).
+
+    Returns:
+        The dataclass, with slots.
+    """
+    made = dataclasses.dataclass(kw_only=True, slots=True)(owner)
+    fields = dataclasses.fields(made)  # type: ignore[arg-type]
+    lines = [f"    {field.name}: {meaning(field)}" for field in fields]
+    made.__doc__ = "\n".join([made.__doc__ or "", "", "Attributes:", *lines])
+    return made
+
+
+def meaning(field: "dataclasses.Field[Any]") -> str:
+    """Returns what a field is, with its unit.
+
+    Args:
+        field: of a class of parameters.
+    """
+    unit = field.metadata.get("bounds", UNBOUNDED).unit
+    doc = field.metadata.get("doc", "")
+    return f"{doc} [{unit}]".strip() if unit else doc
 
 
 def check(params: object, name: str = "") -> None:

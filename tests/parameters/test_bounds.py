@@ -4,13 +4,14 @@ import dataclasses
 import importlib
 import math
 import pkgutil
+import pydoc
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from nadia_balance import core
-from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.bounds import bounded, check, parameters
 
 NAN, INF = math.nan, math.inf
 
@@ -127,3 +128,22 @@ def test_defaults_and_bounds_are_those_that_were_tuned():
     """
     known = Path(__file__).with_name("parameters.txt").read_text("utf-8")
     assert sorted(parameter_table()) == sorted(known.splitlines())
+
+
+def test_a_class_of_parameters_tells_its_fields_and_takes_no_other():
+    """Oracles: `help()`, which reads the docstring; Python's slots."""
+
+    @parameters
+    class Spring:
+        """A spring."""
+
+        stiffness: float = bounded(
+            2.0, above=0.0, unit="N", doc="force a metre"
+        )
+
+    assert "stiffness: force a metre [N]" in pydoc.render_doc(Spring)
+    spring = Spring(stiffness=3.0)
+    with pytest.raises(AttributeError, match="stifness"):
+        spring.stifness = 1.0
+    with pytest.raises(TypeError, match="stifness"):
+        Spring(stifness=1.0)
