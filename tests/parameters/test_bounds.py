@@ -137,11 +137,9 @@ def test_a_class_of_parameters_tells_its_fields_and_takes_no_other():
     class Spring:
         """A spring."""
 
-        stiffness: float = bounded(
-            2.0, above=0.0, unit="N", doc="force a metre"
-        )
+        stiffness: float = bounded(2.0, above=0.0, unit="N", doc="a metre")
 
-    assert "stiffness: force a metre [N]" in pydoc.render_doc(Spring)
+    assert "stiffness: a metre [N]" in pydoc.render_doc(Spring)
     spring = Spring(stiffness=3.0)
     with pytest.raises(AttributeError, match="stifness"):
         spring.stifness = 1.0
