@@ -67,7 +67,7 @@ class HumanoidDiagram(ClosedLoop):
         start = scenario.start(model)
         # The controller's friction coefficient: a margin below the ground's.
         slip = min(scenario.imperfections.friction_ratio, 1.0)
-        friction = slip * self.robot.whole_body(params.whole_body).friction
+        friction = slip * params.whole_body.friction
         check_start(self._ground, start.schedule.feet, friction)
         self._poses = MeasuredPoses(self.robot)
         stance = scenario.gait.step_width, scenario.place.pose

@@ -1,34 +1,47 @@
 """Scenarios: robot, walking command, pushes and all parameters of a run."""
 
+import copy
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-from pydrake.common.yaml import yaml_load_file
 
 from nadia_balance.balance_controller import ControllerParams
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.core.plan.gait import Gait, walking_start
-from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, NAMED
 from nadia_balance.core.walking.push import Moment, Push, random_pushes
+from nadia_balance.core.walking.state import (
+    FootPose,
+    Side,
+    WalkingState,
+    whole_ticks,
+)
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.parameters.bounds import bounded, check
-from nadia_balance.parameters.scaling import scaled
-from nadia_balance.parameters.yaml_reader import load_tree, load_typed
+from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.layers import Layer, merged, overlaid
+from nadia_balance.parameters.yaml_reader import (
+    check_types,
+    field_types,
+    load_tree,
+    typed,
+)
+from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.robot.model import (
     FIDELITIES,
     RobotModel,
     load_robot,
     load_robot_params,
+    whole_body_tree,
 )
-from nadia_balance.robot.params import load_sensors
+from nadia_balance.robot.params import IDEAL_WHOLE_BODY, load_sensors
+from nadia_balance.robot.urdf import naming
 from nadia_balance.systems.estimation import FILTERS
 from nadia_balance.systems.hardware import Imperfections
 
@@ -43,86 +56,174 @@ ENGINES = ("drake", "mujoco")
 SENSORS = ("perfect", "industrial", "consumer")
 
 
-@dataclass(kw_only=True)
+@parameters
 class Place:
     """Where the robot stands at the start: its middle, in W."""
 
-    x: float = bounded(0.0, least=-4e3, most=4e3, unit="m", of="")
-    y: float = bounded(0.0, least=-4e3, most=4e3, unit="m", of="")
-    yaw_deg: float = bounded(0.0, least=-360.0, most=360.0)  # to the left
+    x: float = bounded(
+        0.0, least=-4e3, most=4e3, unit="m", of="", doc="forward"
+    )
+    y: float = bounded(
+        0.0, least=-4e3, most=4e3, unit="m", of="", doc="to the left"
+    )
+    yaw_deg: float = bounded(
+        0.0, least=-360.0, most=360.0, doc="turn to the left, in degrees"
+    )
 
     @property
-    def pose(self) -> walking.FootPose:
+    def pose(self) -> FootPose:
         """The level frame between the feet."""
         p_WF = np.array([self.x, self.y, 0.0])
-        return walking.FootPose(p_WF, math.radians(self.yaw_deg))
+        return FootPose(p_WF, math.radians(self.yaw_deg))
 
 
-@dataclass(kw_only=True)
+@parameters
 class Command:
     """The velocity that is commanded from a time on."""
 
-    time: float = bounded(0.0, least=0.0, most=3600.0, unit="s", of="")
-    forward: float = bounded(0.0, least=-10.0, most=10.0, unit="m/s")
-    left: float = bounded(0.0, least=-10.0, most=10.0, unit="m/s")
-    # To the left.
-    turn: float = bounded(0.0, least=-10.0, most=10.0, unit="rad/s")
-
-
-@dataclass(kw_only=True)
-class Scenario:
-    """One run, deterministic in the scenario and its seed."""
-
-    description: str = ""  # a line for the user
-    robot: str = "nadia"  # a folder of models, or a robot.yaml
-    # Units of the values in its file: SI, or "froude": for a robot of Nadia's
-    # size (core/math/bounds.py).  Defaults are always in froude units.
-    units: str = bounded("si", one_of=UNITS)
-    # Limits of a real robot, or ideal drives (see robot.model.FIDELITIES).
-    fidelity: str = bounded("realistic", one_of=FIDELITIES)
-    engine: str = bounded("drake", one_of=ENGINES)  # of the physics
-    # perfect: the controller is given the state.  Others (models/sensors)
-    # measure, and a StateEstimator gives it an estimate.
-    sensors: str = bounded("perfect", one_of=SENSORS)
-    # Its filter: a Kalman filter, or fixed gains (docs/sensors.md).
-    estimator: str = bounded("invariant", one_of=tuple(FILTERS))
-    duration: float = bounded(10.0, above=0.0, most=3600.0, unit="s")
-    # 0: the exact start; otherwise it is shifted by up to 10 um.
-    seed: int = bounded(0, least=0, most=2**32 - 1)
-    # Recovery mechanisms that are on.
-    mechanisms: str = bounded("icp_only", one_of=tuple(NAMED))
-    # Whole steps with an ICP error below 5 cm that a recovery requires.
-    calm_steps: int = bounded(0, least=0, most=100)
-    # Largest torso tilt of a recovery; not used with `ideal` fidelity.
-    max_torso_tilt_deg: float = bounded(
-        45.0, above=0.0, most=90.0, unit="deg", of=""
+    time: float = bounded(
+        0.0, least=0.0, most=3600.0, unit="s", of="", doc="its begin"
     )
-    # Control period of the point mass.  At 0.01 the largest pushes are those at
-    # controller.control_period, and the simulation is faster.
-    lipm_period: float = bounded(0.01, least=0.0005, most=0.02, unit="s", of="")
-    # Time step of the physics engine; it divides controller.control_period.
-    time_step: float = bounded(0.001, least=1e-5, most=0.1, unit="s", of="")
-    # Model errors and measurement errors unknown to the controller.
-    imperfections: Imperfections = field(default_factory=Imperfections)
-    terrain: Terrain = field(default_factory=Terrain)
-    place: Place = field(default_factory=Place)
-    gait: Gait = field(default_factory=Gait)
-    controller: ControllerParams = field(default_factory=ControllerParams)
-    pushes: list[Push] = field(default_factory=list)
-    # Velocity commands, for a gait without steps of its own.
-    commands: list[Command] = field(default_factory=list)
-    # Largest of the pushes in random directions, one every `random_pause`; 0:
-    # none.
-    random_delta_v: float = bounded(0.0, least=0.0, most=10.0, unit="m/s")
-    random_pause: float = bounded(10.0, least=1.0, most=3600.0, unit="s", of="")
-    # Share of the largest commands up to which a random one comes every second.
-    random_commands: float = bounded(0.0, least=0.0, most=1.0)
+    forward: float = bounded(
+        0.0, least=-10.0, most=10.0, unit="m/s", doc="forward"
+    )
+    left: float = bounded(
+        0.0, least=-10.0, most=10.0, unit="m/s", doc="to the left"
+    )
+    turn: float = bounded(
+        0.0, least=-10.0, most=10.0, unit="rad/s", doc="turn to the left"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One run, deterministic in the scenario and its seed.
+
+    It is not changed: `with_push` and the like return another one.
+    """
+
+    description: str = bounded("", doc="a line for the user")
+    robot: str = bounded("nadia", doc="a folder of models, or a robot.yaml")
+    units: str = bounded(
+        "si",
+        one_of=UNITS,
+        doc='of the values in its file: SI, or "froude" for a robot of '
+        "Nadia's size, as the defaults are",
+    )
+    fidelity: str = bounded(
+        "realistic",
+        one_of=FIDELITIES,
+        doc="limits of a real robot, or ideal drives and feet",
+    )
+    engine: str = bounded("drake", one_of=ENGINES, doc="of the physics")
+    sensors: str = bounded(
+        "perfect",
+        one_of=SENSORS,
+        doc="perfect: the controller is given the state; others (models/"
+        "sensors) measure, and a StateEstimator gives it an estimate",
+    )
+    estimator: str = bounded(
+        "invariant",
+        one_of=tuple(FILTERS),
+        doc="its filter: a Kalman filter, or fixed gains (docs/sensors.md)",
+    )
+    duration: float = bounded(
+        10.0, above=0.0, most=3600.0, unit="s", doc="of the run"
+    )
+    seed: int = bounded(
+        0,
+        least=0,
+        most=2**32 - 1,
+        doc="of all that is random; 0: the exact start, otherwise it is "
+        "shifted by up to 10 um",
+    )
+    mechanisms: str = bounded(
+        "icp_only", one_of=tuple(NAMED), doc="of recovery, that are on"
+    )
+    calm_steps: int = bounded(
+        0,
+        least=0,
+        most=100,
+        doc="whole steps with an ICP error below 5 cm that a recovery requires",
+    )
+    max_torso_tilt_deg: float = bounded(
+        45.0,
+        above=0.0,
+        most=90.0,
+        unit="deg",
+        of="",
+        doc="largest tilt of the torso in a recovery; not used if ideal",
+    )
+    lipm_period: float = bounded(
+        0.01,
+        least=0.0005,
+        most=0.02,
+        unit="s",
+        of="",
+        doc="control period of the point mass; at 0.01 its largest pushes are "
+        "those at controller.control_period, and it is faster",
+    )
+    time_step: float = bounded(
+        0.001,
+        least=1e-5,
+        most=0.1,
+        unit="s",
+        of="",
+        doc="of the physics engine; it divides controller.control_period",
+    )
+    imperfections: Imperfections = bounded(
+        Imperfections,
+        doc="errors of model and measurement, unknown to the controller",
+    )
+    terrain: Terrain = bounded(Terrain, doc="the ground")
+    place: Place = bounded(Place, doc="where the robot starts")
+    gait: Gait = bounded(Gait, doc="the steps, if they are planned before")
+    controller: ControllerParams = bounded(
+        ControllerParams, doc="of the controller"
+    )
+    pushes: list[Push] = bounded(list, doc="in any order")
+    commands: list[Command] = bounded(
+        list, doc="of velocity, for a gait without steps of its own"
+    )
+    random_delta_v: float = bounded(
+        0.0,
+        least=0.0,
+        most=10.0,
+        unit="m/s",
+        doc="largest of the pushes in random directions; 0: none",
+    )
+    random_pause: float = bounded(
+        10.0,
+        least=1.0,
+        most=3600.0,
+        unit="s",
+        of="",
+        doc="from one random push to the next",
+    )
+    random_commands: float = bounded(
+        0.0,
+        least=0.0,
+        most=1.0,
+        doc="share of the largest commands up to which a random one comes "
+        "every second",
+    )
+    # By the path of each value that is not a default (see parameters.layers).
+    sources: Mapping[str, str] = field(
+        default_factory=dict,
+        compare=False,
+        repr=False,
+        metadata={"internal": True},
+    )
 
     def point_mass(self, robot: RobotModel) -> PointMassModel:
-        """The controller's model of `robot` and of the ground (see Terrain)."""
-        terrain, place = self.terrain, self.place.pose
-        ground = terrain.ground(robot.sole, robot.params.size)
-        ground = terrain.known(ground, place.p_WF[:2])
+        """Returns the controller's model of the robot on this ground.
+
+        Args:
+            robot: the robot of this scenario.
+        """
+        size = robot.params.size
+        ground = self.terrain.ground(robot.sole, size)
+        ground = self.terrain.known(ground, self.place.pose.p_WF[:2])
         return replace(robot.point_mass, ground=ground)
 
     @property
@@ -132,19 +233,118 @@ class Scenario:
             return self.imperfections.delay
         return self.imperfections.delay + load_sensors(self.sensors).delay
 
-    def start(self, model: PointMassModel) -> walking.WalkingState:
-        """The walking state of the standing `model` at the start."""
+    def start(self, model: PointMassModel) -> WalkingState:
+        """Returns the walking state of the standing robot at the start.
+
+        Args:
+            model: the robot on its ground (see point_mass).
+        """
         return walking_start(self.gait, model, self.place.pose)
 
+    def with_push(
+        self,
+        direction: str | float | None = None,
+        delta_v: float | None = None,
+        at: str | None = None,
+        shape: str | None = None,
+    ) -> Self:
+        """Returns this scenario with another first push.
+
+        A scenario without a push gets one of `delta_v`: if `at` is None, at AT,
+        or at STANDING_AT for a robot that only stands.
+
+        Args:
+            direction: degrees, or one of DIRECTIONS, seen from the stance foot.
+            delta_v: change of the robot's velocity [m/s].
+            at: as `Push.at`; or STANDING, told to walk nowhere.
+            shape: as `Push.shape`.
+                None: as it is, in each.
+
+        Raises:
+            ValueError: neither push nor `delta_v`, or a value is invalid.
+        """
+        if not self.pushes and delta_v is None:
+            raise ValueError(
+                "pushes = []: must have a push, or delta_v be given"
+            )
+        if at == STANDING:
+            return self.standing().with_push(direction, delta_v, None, shape)
+        walks = self.gait.has_steps or self.commands
+        first = Push(at=AT if walks else STANDING_AT)
+        first, *others = copy.deepcopy(self.pushes) or [first]
+        if shape is not None:
+            first.shape = shape
+        if delta_v is not None:
+            first.delta_v, first.force = delta_v, None
+        if at is not None:
+            first.at = str(Moment.parse(at))
+        if direction is not None:
+            first.direction_deg = _degrees(direction, first.moment)
+        return self.changed(pushes=[first, *others])
+
+    def standing(self) -> Self:
+        """Returns this scenario without steps and commands.
+
+        Its first push, if it has one, is at STANDING_AT.
+        """
+        pushes = copy.deepcopy(self.pushes)
+        for push in pushes[:1]:
+            push.at = STANDING_AT
+        gait = Gait(step_width=self.gait.step_width)
+        return self.changed(gait=gait, commands=[], pushes=pushes)
+
+    def walking_by(self, command: Command) -> Self:
+        """Returns this scenario with one command in the place of all steps.
+
+        Args:
+            command: that of the whole run.
+        """
+        gait = replace(self.gait, num_steps=0, steps=[], footholds=[])
+        return self.changed(gait=gait, commands=[command])
+
+    def changed(self, **fields: object) -> Self:
+        """Returns this scenario with other values, checked.
+
+        Args:
+            **fields: those of a Scenario, in SI units.
+
+        Raises:
+            ValueError: names a field that there is not, or its bad value.
+        """
+        check_types(type(self), fields)
+        flags = {name: "flag" for name in fields}
+        kept = {
+            path: source
+            for path, source in self.sources.items()
+            if path.partition(".")[0] not in fields
+        }
+        changed = replace(self, **fields, sources=kept | flags)
+        check(changed)
+        return changed
+
+    def as_yaml(self, name: str) -> str:
+        """Returns this scenario as the YAML of a scenario file.
+
+        Where a value is not a default, its source stands beside it.
+
+        Args:
+            name: under which it stands in the file.
+        """
+        return dump(self, name, comments=self.sources)
+
     def validate_more(self) -> None:
-        """Raises ValueError if fields contradict each other."""
-        for name, why in self._contradictions():
+        """Checks the conditions between fields.
+
+        Raises:
+            ValueError: fields contradict each other.
+        """
+        for name, rule in self._contradictions():
             value = attrgetter(name)(self)
-            raise ValueError(f"{name} = {value!r}: must {why}")
-        period, own = self.controller.control_period, self.imperfections.delay
-        walking.whole_ticks("imperfections.delay", own, period)
-        delay = f"sensors = {self.sensors!r}: its delay"
-        walking.whole_ticks(delay, self.delay, period)
+            raise ValueError(f"{name} = {value!r}: must {rule}")
+        period = self.controller.control_period
+        whole_ticks("imperfections.delay", self.imperfections.delay, period)
+        sensors = f"sensors = {self.sensors!r}: its delay"
+        whole_ticks(sensors, self.delay, period)
         for push in self.pushes:
             moment = push.moment
             if moment.phase is None and not moment.time < self.duration:
@@ -187,9 +387,12 @@ class Scenario:
 
 
 def scenario_names() -> dict[str, Path]:
-    """The scenarios that come with the package, by name."""
-    files = sorted(SCENARIO_FOLDER.glob("*.yaml"))
-    return {name: path for path in files for name in yaml_load_file(str(path))}
+    """Returns the files of the package's scenarios, by their names."""
+    return {
+        name: path
+        for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))
+        for name in load_tree(path.read_text(encoding="utf-8"))
+    }
 
 
 def load_scenario(
@@ -198,122 +401,124 @@ def load_scenario(
     text: str | None = None,
     **changes: object,
 ) -> Scenario:
-    """Returns the scenario `name` of the package, or of the file.
+    """Returns a scenario of the package, or of a file.
 
-    `text` is YAML that overrides single fields, and so do `changes` that are
-    not None; both are in SI units, and so is the returned scenario: default
-    values, and those of a file whose `units` are "froude", have been scaled
-    from Nadia's size to that of the robot.
+    The layers are those of parameters.layers: default by size < robot.yaml <
+    fidelity < scenario < scenario_text < flag.
 
-    Raises ValueError: unknown name or field, malformed YAML, a value out of
-    range; FileNotFoundError: the file does not exist.
+    Args:
+        name: of the scenario.
+        filename: YAML with named scenarios; None: those of the package.
+        text: YAML that overrides single fields, in SI units.
+        **changes: fields of a Scenario, in SI units; None: not given.
+
+    Returns:
+        The scenario in SI units: defaults, and a file's values whose `units`
+        are "froude", have been scaled from Nadia's size to the robot's.
+
+    Raises:
+        ValueError: unknown name or field, malformed YAML, a value out of range.
+        FileNotFoundError: the file does not exist.
     """
-    what = f"scenario_file = {filename}"
+    layers = list(_layers_of_user(name, filename, text, changes))
+    merged_tree: dict[str, Any] = {}
+    for layer in layers:
+        merged_tree = overlaid(merged_tree, layer.tree)
+    chosen = typed(
+        Scenario,
+        {
+            key: merged_tree[key]
+            for key in ("robot", "fidelity")
+            if key in merged_tree
+        },
+    )
+    check(chosen)
+    robot_layers = [
+        Layer("robot.yaml", _of_whole_body(whole_body_tree(chosen.robot)))
+    ]
+    if chosen.fidelity == "ideal":
+        robot_layers.append(Layer("fidelity", _of_whole_body(IDEAL_WHOLE_BODY)))
+    size = load_robot_params(chosen.robot)[0].size
+    scenario, sources = merged(Scenario, size, [*robot_layers, *layers])
+    return _with_random(replace(scenario, units="si", sources=sources))
+
+
+def _of_whole_body(tree: Mapping[str, object]) -> dict[str, object]:
+    return {"controller": {"whole_body": tree}} if tree else {}
+
+
+def _layers_of_user(
+    name: str,
+    filename: str | Path | None,
+    text: str | None,
+    changes: Mapping[str, object],
+) -> Iterator[Layer]:
+    """The layers of load_scenario from the scenario on, with checked types."""
+    source = f"scenario_file = {filename}"
     if filename is None:
-        known = scenario_names()
-        if name not in known:
-            which = f"must be one of {', '.join(known)}"
-            raise ValueError(f"scenario_name = {name!r}: {which}")
-        what, filename = "scenario", known[name]
+        names = scenario_names()
+        if name not in names:
+            raise ValueError(
+                f"scenario_name = {name!r}: must be one of {', '.join(names)}"
+            )
+        source, filename = "scenario", names[name]
     elif not Path(filename).is_file():
-        raise FileNotFoundError(f"{what}: no such file")
-    scenario = load_typed(Scenario, what, filename=filename, child_name=name)
-    given: dict = {}
-    if scenario.units == "si":
-        given = load_tree(Path(filename).read_text(encoding="utf-8"), name)
+        raise FileNotFoundError(f"{source}: no such file")
+    with naming(source):
+        tree = load_tree(Path(filename).read_text(encoding="utf-8"), name)
+        check_types(Scenario, tree, name)
+    yield Layer("scenario", tree, tree.get("units") == "froude")
     if text:
-        over = {"data": text, "defaults": scenario}
-        scenario = load_typed(Scenario, "scenario_text", **over)
-        tree = load_tree(text)
+        with naming("scenario_text"):
+            tree = load_tree(text)
+            check_types(Scenario, tree)
         if "units" in tree:
-            why = "must be in a scenario_file; scenario_text is in SI units"
-            raise ValueError(f"units = {tree['units']!r}: {why}")
-        given = _merged(given, tree)
-    changes = {k: v for k, v in changes.items() if v is not None}
-    for field_name, value in changes.items():
-        if field_name not in Scenario.__dataclass_fields__:
-            raise ValueError(f"{field_name}: must be a field of a Scenario")
-        setattr(scenario, field_name, value)
-    check(scenario)
-    size = load_robot_params(scenario.robot)[0].size
-    scenario.units = "si"
-    scenario = scaled(scenario, size, given | changes)
-    check(scenario)
-    _draw(scenario)
-    return scenario
+            raise ValueError(
+                f"units = {tree['units']!r}: must be in a scenario_file; "
+                "scenario_text is in SI units"
+            )
+        yield Layer("scenario_text", tree)
+    fields = {key: value for key, value in changes.items() if value is not None}
+    for key in fields:
+        if key not in field_types(Scenario):
+            raise ValueError(f"{key}: must be a field of a Scenario")
+    yield Layer("flag", fields)
 
 
-def _draw(scenario: Scenario) -> None:
+def _with_random(scenario: Scenario) -> Scenario:
     """Adds the random pushes and commands, which its seed determines."""
     duration, seed = scenario.duration, scenario.seed
     if largest := scenario.random_delta_v:
-        pause, scenario.random_delta_v = scenario.random_pause, 0.0
+        pause = scenario.random_pause
         count = int(duration / pause)
-        more = random_pushes(count, seed, largest, (pause, pause))
-        in_time = (p for p in more if p.moment.time < duration)
-        scenario.pushes.extend(in_time)
+        pushes = random_pushes(count, seed, largest, (pause, pause))
+        in_time = [push for push in pushes if push.moment.time < duration]
+        scenario = replace(
+            scenario, pushes=[*scenario.pushes, *in_time], random_delta_v=0.0
+        )
     if share := scenario.random_commands:
-        scenario.random_commands = 0.0
         model = load_robot(scenario.robot, scenario.fidelity).point_mass
         limits = velocity_limits(scenario.controller.footstep_planner, model)
         rng = np.random.default_rng([seed, 1])  # not that of the pushes
+        commands = list(scenario.commands)
         for second in range(1, math.ceil(duration)):
             forward, left, turn = (share * rng.uniform(*limits)).tolist()
-            row = Command(time=second, forward=forward, left=left, turn=turn)
-            scenario.commands.append(row)
+            commands.append(
+                Command(time=second, forward=forward, left=left, turn=turn)
+            )
+        scenario = replace(scenario, commands=commands, random_commands=0.0)
+    return scenario
 
 
-def set_push(
-    scenario: Scenario,
-    direction: str | float | None = None,
-    delta_v: float | None = None,
-    at: str | None = None,
-    shape: str | None = None,
-) -> None:
-    """Changes what is not None in the first push of the `scenario`; checks it.
-
-    A scenario without a push gets one of `delta_v`: if `at` is None, at AT, or
-    at 1 s for a robot that only stands.
-    `direction` is in degrees, or one of DIRECTIONS, seen from the stance foot;
-    `delta_v` in [m/s]; `at` as `Push.at`, or STANDING; `shape` as `Push.shape`.
-
-    Raises ValueError: neither push nor `delta_v`, or a value is invalid.
-    """
-    if not scenario.pushes and delta_v is None:
-        raise ValueError("pushes = []: must have a push, or delta_v be given")
-    if not scenario.pushes:
-        walks = scenario.gait.has_steps or scenario.commands
-        scenario.pushes = [Push(at=AT if walks else STANDING_AT)]
-    push = scenario.pushes[0]
-    if shape is not None:
-        push.shape = shape
-    if delta_v is not None:
-        push.delta_v, push.force = delta_v, None
-    if at == STANDING:
-        let_stand(scenario)
-    elif at is not None:
-        push.at = str(Moment.parse(at))
+def _degrees(direction: str | float, moment: Moment) -> float:
+    """A direction [deg] of a push at this moment, by number or by name."""
     if direction in DIRECTIONS:
-        mirrored = push.moment.swing is walking.Side.LEFT
-        push.direction_deg = DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
-    elif direction is not None:
-        try:
-            push.direction_deg = float(direction)
-        except ValueError:
-            which = f"must be degrees, or one of {', '.join(DIRECTIONS)}"
-            raise ValueError(f"direction = {direction!r}: {which}") from None
-    check(scenario)
-
-
-def let_stand(scenario: Scenario) -> None:
-    """Removes the steps and commands; the first push is at STANDING_AT."""
-    scenario.gait = Gait(step_width=scenario.gait.step_width)
-    scenario.commands = []
-    scenario.pushes[0].at = STANDING_AT
-
-
-def _merged(tree: object, over: object) -> Any:
-    """The YAML tree `tree` with the leaves and lists of `over` replaced."""
-    if not (isinstance(tree, dict) and isinstance(over, dict)):
-        return over
-    return tree | {key: _merged(tree.get(key), over[key]) for key in over}
+        mirrored = moment.swing is Side.LEFT
+        return DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
+    try:
+        return float(direction)
+    except ValueError:
+        raise ValueError(
+            f"direction = {direction!r}: must be degrees, or one of "
+            f"{', '.join(DIRECTIONS)}"
+        ) from None

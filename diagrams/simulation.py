@@ -16,12 +16,7 @@ from pydrake.systems.framework import Context, EventStatus
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import (
-    Command,
-    Scenario,
-    load_scenario,
-    set_push,
-)
+from nadia_balance.diagrams.scenario import Command, Scenario, load_scenario
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.measurements import (
     SETTLED,
@@ -125,18 +120,22 @@ def simulate(
 
     By default until it has recovered, at most for its scenario's duration.
     Instead of a diagram, it may be the name of a scenario of the robot, with
-    `changes` of its first push (see set_push) and of its fields:
+    `changes` of its first push (see Scenario.with_push) and of its fields:
     `simulate("push", direction="inward", robot="g1").summary`.
 
     Raises ValueError: an unknown scenario, or a change invalid or of a diagram.
     """
     name = ""
     if isinstance(diagram, str):
-        name, push = diagram, "direction delta_v at shape".split()
-        of_push = {key: changes.pop(key) for key in push if key in changes}
+        name = diagram
+        push = {
+            key: changes.pop(key)
+            for key in ("direction", "delta_v", "at", "shape")
+            if key in changes
+        }
         scenario = load_scenario(name, **changes)
-        if of_push:
-            set_push(scenario, **of_push)
+        if push:
+            scenario = scenario.with_push(**push)
         diagram = HumanoidDiagram(scenario)
     elif changes:
         raise ValueError(f"{next(iter(changes))}: must be in the scenario")

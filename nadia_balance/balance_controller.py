@@ -290,7 +290,7 @@ class BalanceController(Diagram):
         super().__init__()
         check(params)
         period = params.control_period
-        own = robot.whole_body(params.whole_body)
+        own = params.whole_body
         model = replace(robot.point_mass, ground=ground)
         # Each torque is held for a period.
         lead = robot.drives.lag + 0.5 * period if robot.drives else 0.0

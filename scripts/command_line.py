@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn, TextIO
 
-from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
@@ -27,8 +26,6 @@ from nadia_balance.diagrams.scenario import (
     Scenario,
     load_scenario,
 )
-from nadia_balance.parameters.bounds import check
-from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
@@ -219,33 +216,31 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
     file, text = args.scenario_file, args.scenario_text
     scenario = load_scenario(args.scenario_name, file, text, **changes)
     if args.command is not None:
-        _walk_by(scenario, args.command, text)
+        scenario = _walking_by(args.command, scenario)
     if scenario.robot.endswith((".yaml", ".yml")):
         # It may be read again, or simulated, in another folder.
-        scenario.robot = str(Path(scenario.robot).resolve())
+        robot = str(Path(scenario.robot).resolve())
+        scenario = scenario.changed(robot=robot)
     if args.terrain is not None:
-        scenario.terrain.name = args.terrain
-        check(scenario)
+        named = replace(scenario.terrain, name=args.terrain)
+        scenario = scenario.changed(terrain=named)
     return scenario
 
 
-def _walk_by(
-    scenario: Scenario, velocity: Sequence[float], text: str | None
-) -> None:
-    """Replaces the steps and commands of the `scenario` by one command.
+def _walking_by(velocity: Sequence[float], scenario: Scenario) -> Scenario:
+    """With this command in the place of the scenario's steps.
 
-    Raises ValueError: the scenario's `text` has steps.
+    Raises ValueError: --scenario_text has steps.
     """
-    steps = "num_steps", "steps", "footholds"
-    gait = load_tree(text or "{}").get("gait") or {}
-    for name in steps:
-        if name in gait:
-            why = "must not come with commands"
-            raise ValueError(f"gait.{name} = {gait[name]!r}: {why}")
-    scenario.gait = replace(scenario.gait, num_steps=0, steps=[], footholds=[])
+    for name in ("num_steps", "steps", "footholds"):
+        if scenario.sources.get(f"gait.{name}") == "scenario_text":
+            value = getattr(scenario.gait, name)
+            raise ValueError(
+                f"gait.{name} = {value!r}: must not come with commands"
+            )
     forward, left, turn = velocity
-    scenario.commands = [Command(forward=forward, left=left, turn=turn)]
-    check(scenario)
+    command = Command(forward=forward, left=left, turn=turn)
+    return scenario.walking_by(command)
 
 
 def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:
@@ -292,7 +287,7 @@ def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
             break
         say(f"t={end:.0f} s  {chapter_words(summary)}")
         diagram.forget_logs(simulator.get_mutable_context())
-    text = yaml_dump_typed(scenario, child_name=args.scenario_name)
+    text = scenario.as_yaml(args.scenario_name)
     try:
         written = pages.write_run(folder, run.logs, summary, text, meshcat)
     finally:

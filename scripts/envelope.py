@@ -19,7 +19,6 @@ from datetime import datetime
 from pathlib import Path
 
 from dask.system import CPU_COUNT
-from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import (
@@ -128,7 +127,7 @@ def carry_out(parser, args, argv, sweep: Sweep, report: Callable) -> int:
         with open(folder / COMMAND, "a", encoding="utf-8") as file:
             file.write(f"{shlex.join([parser.prog, *argv])}\n")
         named = sweep.scenarios.items()
-        texts = (yaml_dump_typed(one, child_name=name) for name, one in named)
+        texts = (one.as_yaml(name) for name, one in named)
         (folder / SCENARIO).write_text("".join(texts), encoding="utf-8")
         counts = f"{len(sweep.cells())} cells; {len(rows.all)} trials"
         command_line.say(f"{counts} are there already", f"into {folder}")

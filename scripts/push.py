@@ -3,10 +3,10 @@
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
+from dataclasses import replace
 
 from nadia_balance.core.walking.push import SHAPES, random_pushes
-from nadia_balance.diagrams.scenario import Scenario, scenario_names, set_push
-from nadia_balance.parameters.bounds import check
+from nadia_balance.diagrams.scenario import Scenario, scenario_names
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
@@ -47,15 +47,16 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
     scenario = command_line.scenario_from(args)
     if args.live:
         return scenario
-    set_push(scenario, args.direction, args.delta_v, args.at, args.shape)
+    scenario = scenario.with_push(
+        args.direction, args.delta_v, args.at, args.shape
+    )
     if args.random is not None:
-        _push_at_random(args, scenario)
-        check(scenario)
+        return _pushed_at_random(args, scenario)
     return scenario
 
 
-def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
-    """Replaces the pushes by --random ones, for which gait and run are long."""
+def _pushed_at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
+    """With --random pushes instead, for which gait and run are long enough."""
     for name in ("at", "direction", "shape"):
         if (value := getattr(args, name)) is not None:
             raise ValueError(f"{name} = {value!r}: must not come with --random")
@@ -68,12 +69,14 @@ def _push_at_random(args: argparse.Namespace, scenario: Scenario) -> None:
     pushes = random_pushes(args.random, scenario.seed, largest)
     for push in pushes:
         push.body = scenario.pushes[0].body
-    scenario.pushes, gait = pushes, scenario.gait
+    duration, gait = scenario.duration, scenario.gait
     if args.duration is None:
-        scenario.duration += pushes[-1].moment.time
+        duration += pushes[-1].moment.time
     if gait.num_steps:
         step = gait.swing_duration + gait.transfer_duration
-        gait.num_steps = max(gait.num_steps, int(scenario.duration / step) + 1)
+        num_steps = max(gait.num_steps, int(duration / step) + 1)
+        gait = replace(gait, num_steps=num_steps)
+    return scenario.changed(pushes=pushes, duration=duration, gait=gait)
 
 
 if __name__ == "__main__":

@@ -146,7 +146,7 @@ def test_some_lines_more_are_uneven_ground():
 
     def climbed() -> np.ndarray:
         robot, builder = nb.load_robot("nadia"), DiagramBuilder()
-        params = nb.ControllerParams()
+        params = nb.load_scenario("stand").controller
         names = {"nb": nb, "robot": robot, "builder": builder, "params": params}
         exec(block, names)
         plant, controller = names["plant"], names["controller"]

@@ -1,76 +1,112 @@
-"""Reader of YAML into dataclasses, with readable error messages."""
+"""Trees of YAML, and the classes of parameters that are made of them."""
 
 import dataclasses
+import functools
 import itertools
 import re
 import types
 import typing
 from pathlib import Path
+from typing import Any
 
 import yaml
-from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
 T = typing.TypeVar("T")
 
-_MOST_NODES = 100_000  # in a file, with each alias expanded
-_NAMES = {bool: "true or false", float: "a number", int: "an integer"}
-_NAMES[str] = "text (quote it)"
+MOST_CHARACTERS = 1_000_000  # in a file
+MOST_NODES = 100_000  # in a file, with each alias expanded
+DEEPEST = 50  # levels of a tree
+_NAMES = {
+    bool: "true or false",
+    float: "a number",
+    int: "an integer",
+    str: "text (quote it)",
+}
+_Loader = yaml.CSafeLoader
 
 
 def load_typed(
     schema: type[T],
-    what: str,
+    source: str,
     *,
     filename: str | Path | None = None,
     data: str | None = None,
     child_name: str | None = None,
-    defaults: T | None = None,
 ) -> T:
     """Returns a `schema` from the YAML in `filename`, or that in `data`.
 
-    Only the child `child_name` is read, if given.  Fields that the YAML lacks
-    are copied from `defaults`.
+    Args:
+        schema: class of parameters, whose defaults fill what the YAML lacks.
+        source: name of the YAML, with which an error begins.
+        filename: file to read.
+        data: YAML itself, in the place of a file.
+        child_name: the only child that is read, if given.
 
-    Raises ValueError: malformed YAML, an unknown field or a wrong type: a line,
-    which starts with `what`, then names the field; OSError: it cannot be read.
+    Raises:
+        ValueError: malformed YAML, an unknown field or a wrong type; one line
+            that names it.
+        OSError: the file cannot be read.
     """
     try:
         if filename is not None:
             data = Path(filename).read_text(encoding="utf-8")
         tree = load_tree(data or "", child_name)
-        _check(schema, tree, child_name or "")
-        given = {"schema": schema, "data": data, "child_name": child_name}
-        defaults = schema() if defaults is None else defaults
-        return yaml_load_typed(**given, defaults=defaults)
-    except OSError:
-        raise
-    except Exception as error:  # Drake's errors about tags have any class
-        raise ValueError(f"{what}: {' '.join(str(error).split())}") from error
+        return typed(schema, tree, child_name or "")
+    except ValueError as error:
+        message = " ".join(str(error).split())
+        raise ValueError(f"{source}: {message}") from error
 
 
-def load_tree(text: str, child_name: str | None = None) -> typing.Any:
+def load_tree(text: str, child_name: str | None = None) -> Any:
     """Returns YAML, or its child of that name, as mappings and lists.
 
-    Raises ValueError: malformed or misleading YAML, or no such child.
+    Args:
+        text: YAML; an empty one is {}.
+        child_name: of the mapping at its top, or None for all of it.
+
+    Raises:
+        ValueError: malformed, misleading or too much YAML, or no such child.
     """
     try:
-        tree = yaml_load_data(text)
-    except Exception as error:
-        # The error has any class, as for a date or a structure nested too deep.
-        reason, mark = error, getattr(error, "problem_mark", None)
-        if mark is not None:
+        _check_size(text)
+        tree = yaml.load(text, Loader=_Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = str(error)
+        if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
+            mark = error.problem_mark
             place = f"line {mark.line + 1}, column {mark.column + 1}"
             reason = f"{place}: {error.problem}"
         raise ValueError(f"malformed YAML: {reason}") from error
     _check_nodes(text)
+    tree = {} if tree is None else tree
     if child_name is None:
         return tree
     if not isinstance(tree, dict):
         raise ValueError("malformed YAML: must be a mapping of names")
     if child_name not in tree:
-        known = ", ".join(map(str, tree))
-        raise ValueError(f"{child_name!r}: must be one of {known}")
+        names = ", ".join(map(str, tree))
+        raise ValueError(f"{child_name!r}: must be one of {names}")
     return tree[child_name]
+
+
+def _check_size(text: str) -> None:
+    """Refuses YAML that would take long to read, before it is read.
+
+    Raises ValueError: too many characters or nodes, or too deep a tree;
+    YAMLError: it is malformed.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(f"must have at most {MOST_CHARACTERS} characters")
+    depth = 0
+    for number, event in enumerate(yaml.parse(text, Loader=_Loader)):
+        if number > MOST_NODES:
+            raise ValueError(f"must have at most {MOST_NODES} values")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > DEEPEST:
+            raise ValueError(f"must be nested at most {DEEPEST} deep")
 
 
 def _check_nodes(text: str) -> None:
@@ -80,62 +116,139 @@ def _check_nodes(text: str) -> None:
     count; 1:30, which would be 90, or 010, which would be 8; or aliases that
     expand to too many nodes.
     """
-    root, sizes = yaml.compose(text, Loader=yaml.CSafeLoader), {}
+    sizes: dict[int, int] = {}
 
     def size(node: yaml.Node | None) -> int:
         if id(node) in sizes:
             return sizes[id(node)]
-        children = []
+        children: list[yaml.Node] = []
         if isinstance(node, yaml.MappingNode):
-            keys = [k.value for k, _ in node.value if k.id == "scalar"]
-            for name in keys:
-                if keys.count(name) > 1:
-                    raise ValueError(f"{name}: must be given only once")
+            _check_keys(node)
             children = list(itertools.chain.from_iterable(node.value))
         elif isinstance(node, yaml.SequenceNode):
             children = node.value
-        elif node is not None and node.tag.endswith((":int", ":float")):
-            if re.search(r":|^[-+]?0\d", node.value):
-                why = "must be a number without ':' or a leading 0"
-                raise ValueError(f"{node.value}: {why}")
+        elif isinstance(node, yaml.ScalarNode):
+            _check_number(node)
         sizes[id(node)] = 1 + sum(map(size, children))
-        if sizes[id(node)] > _MOST_NODES:
-            raise ValueError(f"must have at most {_MOST_NODES} values")
+        if sizes[id(node)] > MOST_NODES:
+            raise ValueError(f"must have at most {MOST_NODES} values")
         return sizes[id(node)]
 
-    size(root)
+    size(yaml.compose(text, Loader=_Loader))
 
 
-def _check(schema: type, value: object, name: str) -> None:
-    """Raises ValueError that names a field of `value` not of its type."""
+def _check_keys(node: yaml.MappingNode) -> None:
+    seen = set()
+    for key, _ in node.value:
+        if isinstance(key, yaml.ScalarNode):
+            if key.value in seen:
+                raise ValueError(f"{key.value}: must be given only once")
+            seen.add(key.value)
+
+
+def _check_number(node: yaml.ScalarNode) -> None:
+    is_number = node.tag.endswith((":int", ":float"))
+    if is_number and re.search(r":|^[-+]?0\d", node.value):
+        raise ValueError(
+            f"{node.value}: must be a number without ':' or a leading 0"
+        )
+
+
+def typed(schema: type[T], tree: object, name: str = "") -> T:
+    """Returns a `schema` of a tree, as from YAML; bounds are not checked.
+
+    Args:
+        schema: class of parameters, or a type of one of its fields.
+        tree: mappings, lists and leaves, which may be objects of their type.
+        name: of the tree itself, for errors.
+
+    Raises:
+        ValueError: names an unknown field, or one of a wrong type.
+    """
+    check_types(schema, tree, name)
+    made: T = _made(schema, tree, None)
+    return made
+
+
+def _made(schema: Any, value: Any, default: Any) -> Any:
+    """Of a class, `value` are the fields that differ from its `default`."""
+    base, args = typing.get_origin(schema), typing.get_args(schema)
+    if value is None or (base is None and isinstance(value, schema)):
+        return value
+    if base in (typing.Union, types.UnionType):
+        return _made(_option(args), value, default)
+    if base is list:
+        return [_made(args[0], item, None) for item in value]
+    if base is dict:
+        return {key: _made(args[1], item, None) for key, item in value.items()}
+    if dataclasses.is_dataclass(schema) and isinstance(schema, type):
+        whole = default if isinstance(default, schema) else schema()
+        fields = field_types(schema)
+        made = {
+            key: _made(fields[key], item, getattr(whole, key))
+            for key, item in value.items()
+        }
+        return dataclasses.replace(whole, **made)
+    return int(float(value)) if schema is int else schema(value)
+
+
+def _option(args: tuple[Any, ...]) -> Any:
+    """The type X of an X | None."""
+    (option,) = (arg for arg in args if arg is not types.NoneType)
+    return option
+
+
+def check_types(schema: Any, value: object, name: str = "") -> None:
+    """Checks the types of a tree, as from YAML.
+
+    Args:
+        schema: class of parameters, or a type of one of its fields.
+        value: mappings, lists and leaves.
+        name: of the value itself, for errors.
+
+    Raises:
+        ValueError: names an unknown field, or one of a wrong type.
+    """
     base, args = typing.get_origin(schema), typing.get_args(schema)
     if schema in _NAMES:
         _require(_is_scalar(schema, value), name, value, _NAMES[schema])
     elif base in (typing.Union, types.UnionType):
-        options = [arg for arg in args if arg is not types.NoneType]
-        if len(options) == 1 and value is not None:
-            _check(options[0], value, name)
+        if value is not None:
+            check_types(_option(args), value, name)
     elif base is list:
-        _require(isinstance(value, list), name, value, "a list")
-        for i, item in enumerate(value):
-            _check(args[0], item, f"{name}[{i}]")
-    else:
-        mapping = "a mapping of fields, or {}"
-        _require(isinstance(value, dict), name, value, mapping)
-        fields = None if base is dict else _fields(schema)
-        for key, item in value.items():
+        _require(isinstance(value, list | tuple), name, value, "a list")
+        for i, item in enumerate(typing.cast(list[object], value)):
+            check_types(args[0], item, f"{name}[{i}]")
+    elif base is dict or not isinstance(value, schema):
+        allowed = "a mapping of fields, or {}"
+        _require(isinstance(value, dict), name, value, allowed)
+        fields = None if base is dict else field_types(schema)
+        for key, item in typing.cast(dict[str, object], value).items():
             path = f"{name}.{key}" if name else str(key)
-            if fields is None or key in fields:
-                _check(fields[key] if fields else args[1], item, path)
-            elif key != "_tag":
-                known = f"must be one of {', '.join(fields)}"
-                raise ValueError(f"{path}: unknown field, {known}")
+            if fields is None:
+                check_types(args[1], item, path)
+            elif key in fields:
+                check_types(fields[key], item, path)
+            else:
+                raise ValueError(
+                    f"{path}: unknown field, must be one of {', '.join(fields)}"
+                )
 
 
-def _fields(schema: type) -> dict[str, type]:
-    """Name and type of every field of a dataclass, or of a Drake struct."""
-    fields = getattr(schema, "__fields__", None) or dataclasses.fields(schema)
-    return {field.name: field.type for field in fields}
+@functools.cache
+def field_types(schema: type) -> dict[str, Any]:
+    """Returns the name and type of every field that a user may give.
+
+    Args:
+        schema: a dataclass.
+    """
+    hints = typing.get_type_hints(schema)
+    fields = dataclasses.fields(schema)
+    return {
+        field.name: hints[field.name]
+        for field in fields
+        if not field.metadata.get("internal")
+    }
 
 
 def _is_scalar(schema: type, value: object) -> bool:
@@ -143,7 +256,7 @@ def _is_scalar(schema: type, value: object) -> bool:
     if schema in (bool, str) or isinstance(value, bool):
         return type(value) is schema
     try:
-        number = float(value)  # also of text: 1e3 is text in YAML 1.1
+        number = float(value)  # type: ignore[arg-type]  # 1e3 is text in YAML
     except (TypeError, ValueError):
         return False
     return schema is float or number.is_integer()

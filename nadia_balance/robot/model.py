@@ -21,7 +21,6 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
-from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.parameters.bounds import check
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.parameters.yaml_reader import load_tree, load_typed
@@ -115,16 +114,6 @@ class RobotModel:
             sole_clearance=max(apart - self.sole_width, 0.0),
             detour=detour,
         )
-
-    def whole_body(self, params: WholeBodyQpParams) -> WholeBodyQpParams:
-        """Returns `params` with those of robot.yaml not Nadia's, scaled.
-
-        Raises ValueError: values contradict each other.
-        """
-        usual = scaled(WholeBodyQpParams(), self.params.size)
-        params = robot_params.overridden(params, self.params.whole_body, usual)
-        check(params, "whole_body")
-        return params
 
     def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Adds the robot to a `plant` that is not finalized yet.
@@ -289,18 +278,47 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
     Lengths that it does not give are those of the URDF, other parameters are
     Nadia's, scaled to its `size`.
 
-    Raises ValueError, FileNotFoundError: as load_robot.
+    Args:
+        name: of a robot of the package, or the path of a robot.yaml.
+
+    Raises:
+        ValueError: as load_robot.
+        FileNotFoundError: as load_robot.
     """
+    path = _robot_file(name)
+    if name not in robot_names():
+        return _read_params(name, path)
+    files = sorted(path.parent.iterdir())
+    changed = tuple(file.stat().st_mtime_ns for file in files)
+    params, urdf = _params_of_package(name, changed)
+    return copy.deepcopy(params), urdf
+
+
+def whole_body_tree(name: str) -> dict[str, object]:
+    """Returns the fields of `whole_body` that a robot.yaml gives.
+
+    They are a layer of the controller's parameters (see parameters.layers).
+
+    Args:
+        name: of a robot of the package, or the path of a robot.yaml.
+    """
+    tree = load_tree(_robot_file(name).read_text(encoding="utf-8"))
+    fields: dict[str, object] = tree.get("whole_body", {})
+    return fields
+
+
+def _robot_file(name: str) -> Path:
     if name in robot_names():
-        files = sorted((MODELS / name).iterdir())
-        changed = tuple(file.stat().st_mtime_ns for file in files)
-        params, urdf = _params_of_package(name, changed)
-        return copy.deepcopy(params), urdf
+        return MODELS / name / "robot.yaml"
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
-        which = f"one of {', '.join(robot_names())}, or a path to a robot.yaml"
-        raise ValueError(f"robot = {name!r}: must be {which}")
-    return _read_params(name, path)
+        raise ValueError(
+            f"robot = {name!r}: must be one of {', '.join(robot_names())}, or "
+            "a path to a robot.yaml"
+        )
+    if not path.is_file():
+        raise FileNotFoundError(f"robot = {name}: no such file")
+    return path
 
 
 @functools.lru_cache(maxsize=16)
@@ -311,8 +329,6 @@ def _params_of_package(name: str, changed: tuple) -> tuple[RobotParams, Path]:
 
 def _read_params(name: str, path: Path) -> tuple[RobotParams, Path]:
     what = f"robot = {name}"
-    if not path.is_file():
-        raise FileNotFoundError(f"{what}: no such file")
     params = load_typed(RobotParams, what, filename=path)
     given = load_tree(path.read_text(encoding="utf-8"))
     urdf = path.parent / params.urdf

@@ -1,9 +1,8 @@
 """The fields of robot.yaml: the parameters of a robot."""
 
 import math
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 import nadia_balance
 from nadia_balance.core.body.model import JointDriveParams, LegGeometry
@@ -14,8 +13,6 @@ from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.parameters.bounds import bounded, check
 from nadia_balance.parameters.scaling import Size
 from nadia_balance.parameters.yaml_reader import load_typed
-
-T = TypeVar("T")
 
 # The folder `models` of a checkout or an installation.  `import models` would
 # also find a user's folder of that name.
@@ -89,6 +86,10 @@ def load_sensors(name: str) -> SensorParams:
     return found
 
 
+# Ideal robots take any load at once, and their links pass through each other.
+IDEAL_WHOLE_BODY: dict[str, object] = {"loading_time": 0.0, "avoidance": None}
+
+
 def idealised(params: RobotParams) -> RobotParams:
     """The same robot with ideal drives and no limits on feet and loading.
 
@@ -100,22 +101,5 @@ def idealised(params: RobotParams) -> RobotParams:
         drives=None,
         self_collisions=False,
         swing_detour=replace(params.swing_detour, settling=0.0, **free),
-        whole_body=replace(params.whole_body, loading_time=0.0, avoidance=None),
+        whole_body=replace(params.whole_body, **IDEAL_WHOLE_BODY),
     )
-
-
-def overridden(params: T, own: T, usual: T) -> T:
-    """Returns the dataclass `params` with the values of `own` not `usual`.
-
-    Of a mapping, those are all of its keys.
-    """
-    values = {}
-    for name in vars(params):
-        parts = [getattr(each, name) for each in (params, own, usual)]
-        if all(map(is_dataclass, parts)):
-            values[name] = overridden(*parts)
-        elif isinstance(parts[0], dict):
-            values[name] = parts[0] | parts[1]
-        elif parts[1] != parts[2]:
-            values[name] = parts[1]
-    return replace(params, **values)

@@ -3,7 +3,6 @@
 Beside each limit stand those of the papers' figures, and of any controller.
 """
 
-import copy
 import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -192,15 +191,15 @@ def limits_of(
     """
     if situation[1] == STANDING:
         return ()
-    scenario = copy.deepcopy(scenario)
-    scenario.engine, scenario.sensors = "drake", "perfect"
     robot = load_robot(scenario.robot, scenario.fidelity)
     true = scenario.terrain.ground(robot.sole, robot.params.size)
     known = scenario.point_mass(robot).ground
     if not all(ground is None or ground.is_level for ground in (true, known)):
-        scenario.terrain.name = "flat"
+        flat = replace(scenario.terrain, name="flat")
+        scenario = scenario.changed(terrain=flat)
+    scenario = scenario.changed(engine="drake", sensors="perfect")
+    scenario = scenario.with_push(delta_v=0.0, at=situation[1])
     push = scenario.pushes[0]
-    push.at, push.delta_v, push.force = situation[1], 0.0, None
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram)
     if not run.until:

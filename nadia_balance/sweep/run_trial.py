@@ -11,7 +11,6 @@ from concurrent import futures
 
 from distributed import Client, LocalCluster
 from distributed.comm import get_address_host_port
-from pydrake.common.yaml import yaml_dump_typed
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from tqdm import tqdm
@@ -21,6 +20,7 @@ from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.parameters.yaml_reader import load_typed
+from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.results.summary import Run
 from nadia_balance.sweep.lipm_limit import LipmLimit
 from nadia_balance.sweep.search import Sweep
@@ -143,7 +143,7 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
     row = cell._asdict() | {"delta_v": delta_v, "replica": replica}
     row["seed"] = walk.seed
     system = sweep.plant, sweep.controller, threading.get_ident()
-    diagram, walked, run = _walked(yaml_dump_typed(walk), *system)
+    diagram, walked, run = _walked(dump(walk), *system)
     try:
         push = simulation.pushed(diagram, walked, delta_v, cell.direction_deg)
         row |= _ended(diagram, push, run)

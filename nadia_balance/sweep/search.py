@@ -6,7 +6,6 @@ increases the push in strides until it fails, bisects the interval to one
 resolution, and then confirms the push it found and the next smaller one tried.
 """
 
-import copy
 import functools
 import itertools
 import math
@@ -14,11 +13,10 @@ from bisect import bisect_left
 from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
-from pydrake.common.yaml import yaml_dump_typed
-
 from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.diagrams.scenario import AT, STANDING, Scenario, let_stand
+from nadia_balance.diagrams.scenario import AT, Scenario
 from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import Cell, Results, Trial, digest, of_process
 
 
@@ -93,25 +91,27 @@ class Sweep:
         have other seeds, which shift the start slightly, and in odd ones the
         push begins one control period later.
         """
-        scenario = copy.deepcopy(self.scenarios[cell.scenario])
-        scenario.description, scenario.mechanisms = "", cell.mechanisms
-        scenario.seed += replica
-        push, period = scenario.pushes[0], scenario.controller.control_period
+        scenario = self.scenarios[cell.scenario]
+        scenario = scenario.with_push(
+            direction=0.0, delta_v=0.0, at=cell.at
+        ).changed(
+            description="",
+            mechanisms=cell.mechanisms,
+            seed=scenario.seed + replica,
+        )
+        period = scenario.controller.control_period
         if self.plant == "lipm":
             period = scenario.lipm_period
-        push.delta_v, push.force, push.direction_deg = 0.0, None, 0.0
-        if cell.at == STANDING:
-            let_stand(scenario)
-        else:
-            push.at = cell.at
-        push.delay += (replica % 2) * period
+        scenario.pushes[0].delay += (replica % 2) * period
         return scenario
 
     def identity(self) -> dict:
         """Returns what all trials of a folder share, as JSON: no cells."""
         # The walks, without what differs between the cells.
-        walks = (self.walk(Cell(n, AT, "", 0.0), 0) for n in self.scenarios)
-        common = [yaml_dump_typed(walk).encode() for walk in walks]
+        walks = (
+            self.walk(Cell(n, AT, "icp_only", 0.0), 0) for n in self.scenarios
+        )
+        common = [dump(walk).encode() for walk in walks]
         return {
             "robot": self.one.robot,
             "scenario": ",".join(self.scenarios),

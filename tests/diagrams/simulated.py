@@ -1,11 +1,11 @@
 """Real runs that tests look at: each is simulated once (see run_cache)."""
 
+from dataclasses import replace
 from pathlib import Path
-
-from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, simulate
+from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot_params
 from tests import run_cache
@@ -22,10 +22,11 @@ def scenario_of(text: str = "{}") -> Scenario:
 
 
 def soon(scenario: Scenario) -> Scenario:
-    """Changes it so that the first foot is lifted at 0.45 s already."""
-    scenario.gait.initial_transfer_duration = 0.4
-    scenario.gait.standing_duration = 0.05
-    return scenario
+    """The scenario, in which the first foot is lifted at 0.45 s already."""
+    gait = replace(
+        scenario.gait, initial_transfer_duration=0.4, standing_duration=0.05
+    )
+    return scenario.changed(gait=gait)
 
 
 def diagram_of(text: str = "{}", plant: str = "humanoid"):
@@ -58,5 +59,5 @@ def all_of(scenario: Scenario, plant: str) -> str:
     params, urdf = load_robot_params(scenario.robot)
     files = filter(Path.is_file, [urdf, Path(scenario.terrain.name)])
     texts = [path.read_text(encoding="utf-8") for path in files]
-    dumped = map(yaml_dump_typed, (scenario, params))
+    dumped = map(dump, (scenario, params))
     return "\n".join([plant, *dumped, *texts])

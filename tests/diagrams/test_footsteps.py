@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import Command, load_scenario, set_push
+from nadia_balance.diagrams.scenario import Command, load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import icp_error, signal, steps
 from nadia_balance.results.measurements import is_square
@@ -23,7 +23,7 @@ from tests.diagrams.simulated import run_of
 def pushed(direction, delta_v, robot="nadia", **changes) -> Run:
     """The point mass, pushed while it stands."""
     scenario = load_scenario("stand", robot=robot, **changes)
-    set_push(scenario, direction=direction, delta_v=delta_v)
+    scenario = scenario.with_push(direction=direction, delta_v=delta_v)
     return simulate(LipmDiagram(scenario))
 
 
@@ -78,7 +78,7 @@ def test_walks_as_fast_as_it_is_told_and_stops(command, tolerance):
     scenario = load_scenario("walk_by_command", duration=9.0)
     forward, left, turn = command
     go = Command(time=0.5, forward=forward, left=left, turn=turn)
-    scenario.commands = [go, Command(time=6.0)]
+    scenario = scenario.changed(commands=[go, Command(time=6.0)])
     run = simulate(LipmDiagram(scenario), 9.0)
     t, walking = run.logs["t"], signal(run.logs, "walking_signal")
     landed = [s for s in steps(run.logs) if 3.0 < s.swing.end < 6.0]
@@ -101,7 +101,8 @@ def test_it_stops_at_any_time_of_a_step(late):
     """Oracle: 1.6 s from the command until it stands, at 0.3 m/s."""
     scenario = load_scenario("walk_by_command", duration=8.0)
     stop = 4.0 + late
-    scenario.commands = [Command(time=0.5, forward=0.3), Command(time=stop)]
+    commands = [Command(time=0.5, forward=0.3), Command(time=stop)]
+    scenario = scenario.changed(commands=commands)
     run = simulate(LipmDiagram(scenario), 7.0)
     t, walking = run.logs["t"], signal(run.logs, "walking_signal")
     assert t[(t > stop) & (walking.phase == 0.0)][0] - stop <= 1.61
@@ -110,8 +111,8 @@ def test_it_stops_at_any_time_of_a_step(late):
 def test_a_push_has_priority_and_the_walk_goes_on():
     """Oracle: by hand: recovering after the push; then 0.3 m/s again."""
     scenario = load_scenario("stand", duration=12.0)
-    scenario.commands = [Command(time=0.5, forward=0.3)]
-    set_push(scenario, delta_v=0.7, direction=60.0, at="4 s")
+    scenario = scenario.changed(commands=[Command(time=0.5, forward=0.3)])
+    scenario = scenario.with_push(delta_v=0.7, direction=60.0, at="4 s")
     run = simulate(LipmDiagram(scenario), 12.0)
     t, walking = run.logs["t"], signal(run.logs, "walking_signal")
     soon = (t > 4.2) & (t < 5.0)
@@ -126,7 +127,7 @@ def test_a_push_has_priority_and_the_walk_goes_on():
 def test_a_push_in_a_phase_that_never_comes_is_undecided():
     """Oracle: exit of the run; the reason says so."""
     scenario = load_scenario("stand", duration=3.0)
-    set_push(scenario, delta_v=0.2, at="right swing 25 %")
+    scenario = scenario.with_push(delta_v=0.2, at="right swing 25 %")
     summary = simulate(LipmDiagram(scenario)).summary
     assert summary["outcome"] == "undecided"
     assert summary["reason"].startswith("not pushed: the push did not come")
@@ -163,7 +164,7 @@ def test_a_source_of_the_users_is_connected_by_its_name():
 def test_the_whole_robot_catches_itself_and_stands():
     """Oracle: the verdict, and more than ankles and hips hold: 0.44 m/s."""
     scenario = load_scenario("stand")
-    set_push(scenario, delta_v=0.9, direction=30.0)
+    scenario = scenario.with_push(delta_v=0.9, direction=30.0)
     summary = run_of(scenario).summary
     assert summary["recovered"], summary["reason"]
     assert 1 <= summary["steps_taken"] <= 5

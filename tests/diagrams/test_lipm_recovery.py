@@ -4,6 +4,8 @@ Of the protocol of the Nadia paper's Fig. 10: a push of 0.1 s at 25 % of the
 first right swing, while stepping in place.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,10 +27,9 @@ def recovers(mechanisms, direction, delta_v, qp=None) -> bool:
     of the Atlas paper, if told.
     """
     scenario = load_scenario("push", text=PUSH, fidelity="ideal")
-    scenario.mechanisms = mechanisms
-    (push,) = scenario.pushes
-    push.direction_deg, push.delta_v = direction, delta_v
-    scenario.controller.icp_step_qp = qp
+    controller = replace(scenario.controller, icp_step_qp=qp)
+    scenario = scenario.changed(mechanisms=mechanisms, controller=controller)
+    scenario = scenario.with_push(direction, delta_v)
     found = run_of(scenario, "lipm").summary
     return found["recovered"] and found["steps_after_push"] >= 4
 

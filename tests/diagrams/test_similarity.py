@@ -18,13 +18,13 @@ FAR = "place: {x: 1000, y: 1000, yaw_deg: 114.59}"  # 2 rad
 
 def pushed(ratio, robot, delta_v, direction):
     """The ICP (n, 2) [m] in Nadia's lengths, by tick."""
+    time = math.sqrt(ratio)
     scenario = load_scenario("push", robot=robot)
-    scenario.lipm_period *= math.sqrt(ratio)
-    scenario.pushes[0].delta_v = delta_v * math.sqrt(ratio)
-    scenario.pushes[0].duration *= math.sqrt(ratio)
-    scenario.pushes[0].direction_deg = direction
+    scenario = scenario.with_push(direction, delta_v * time).changed(
+        lipm_period=scenario.lipm_period * time, duration=4.0 * time
+    )
+    scenario.pushes[0].duration *= time
     scenario.pushes[0].after_steps = 0
-    scenario.duration = 4.0 * math.sqrt(ratio)
     return run_of(scenario, "lipm").logs["icp"] / ratio
 
 

@@ -1,6 +1,6 @@
 """The papers' stories, told by the robots: Figs. 12 to 14, and 6 to 8."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -61,8 +61,8 @@ def tell(name: str, duration: float) -> Story:
     """
     scenario = soon(load_scenario(name, duration=duration))
     scenario.pushes[0].after_steps = 1
-    scenario.gait.first_swing = "left"
-    return told(scenario)
+    gait = replace(scenario.gait, first_swing="left")
+    return told(scenario.changed(gait=gait))
 
 
 @pytest.fixture(scope="module")

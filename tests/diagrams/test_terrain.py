@@ -83,8 +83,8 @@ def test_whole_soles_land_on_stones(degrees, delta_v):
 def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
     """Oracle: by hand; the controller takes the stones to be elsewhere."""
     scenario = load_scenario("stepping_stones", duration=9.0)
-    scenario.terrain.error = GroundError(place=0.3)
-    scenario.terrain.margin = 0.0
+    ground = replace(scenario.terrain, error=GroundError(place=0.3), margin=0.0)
+    scenario = scenario.changed(terrain=ground)
     run = run_of(scenario, "lipm")
     assert run.fall_reason.endswith("foot beside its region")
 
@@ -93,17 +93,16 @@ def test_what_cannot_be_walked_is_refused(tmp_path):
     """Oracle: by hand: what knows no heights, or no regions; a bad start."""
     with pytest.raises(ValueError, match="must be a YAML file, or one of flat"):
         Terrain(name="nowhere").ground(SOLE)
-    scenario = load_scenario("push")
-    scenario.terrain.name = "stairs"
+    scenario = load_scenario("push", terrain=Terrain(name="stairs"))
     with pytest.raises(ValueError, match="'stairs': must be level.*point mass"):
         LipmDiagram(scenario)
-    scenario.terrain.name, scenario.terrain.rise = "gap", 0.1
+    scenario = load_scenario("push", terrain=Terrain(name="gap", rise=0.1))
     with pytest.raises(ValueError, match="rise = 0.1: must be null, as gap "):
         HumanoidDiagram(scenario)
-    scenario.terrain.rise = None
     high = "{name: a, height: 0.1, vertices: [[-9, -9], [9, -9], [0, 9]]}"
     (tmp_path / "high.yaml").write_text(f"regions: [{high}]")
-    scenario.terrain.name = str(tmp_path / "high.yaml")
+    high = Terrain(name=str(tmp_path / "high.yaml"))
+    scenario = load_scenario("push", terrain=high)
     with pytest.raises(ValueError, match="left foot at the start: its region"):
         HumanoidDiagram(scenario)
     text = "{terrain: {name: tiles, seen: false, error: {height: 0.01}}}"

@@ -3,13 +3,10 @@
 import contextlib
 import re
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from nadia_balance.core.whole_body import params as of_qp
-from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.robot import model
 from nadia_balance.robot.model import MODELS, load_robot, robot_names
 from nadia_balance.robot.plants import actuators
@@ -163,28 +160,9 @@ def test_shapes_are_missed(copy):
         load(copy)
 
 
-def test_a_robot_has_parameters_of_its_own(copy):
-    """Oracle: by hand; the scenario's others stay, also in the same group."""
-    own = "whole_body:\n  rolling_step: 0.3\n  avoidance: {clearance: 0.03}"
-    change(copy / "robot.yaml", "whole_body:", own)
-    scenario = WholeBodyQpParams(rolling_step=0.5, friction=0.4)
-    scenario.joint_lower_limits = {"LEFT_KNEE_Y": 0.2, "LEFT_HIP_X": -0.3}
-    avoidance = of_qp.CollisionAvoidanceParams(clearance=0.01, rate=20.0)
-    scenario.avoidance = avoidance
-    limits = {"LEFT_HIP_X": -0.3, "LEFT_KNEE_Y": 0.1, "RIGHT_KNEE_Y": 0.1}
-    found = load(copy).whole_body(scenario)
-    assert found == replace(
-        scenario,
-        rolling_step=0.3,
-        avoidance=replace(avoidance, clearance=0.03),
-        joint_lower_limits=limits,
-    )
-    ideal = load_robot("nadia", "ideal")
-    assert ideal.whole_body(scenario).avoidance is None
-    assert ideal.whole_body(scenario).loading_time == 0.0
-    assert np.isinf(ideal.max_joint_speeds).all()
-    with pytest.raises(ValueError, match="whole_body.unloaded_force = 1.0"):
-        ROBOT.whole_body(WholeBodyQpParams(unloaded_force=1.0))
+def test_an_ideal_robot_has_no_limits_of_joint_speed():
+    """Oracle: by hand."""
+    assert np.isinf(load_robot("nadia", "ideal").max_joint_speeds).all()
 
 
 def of_yaml(old, new, named):

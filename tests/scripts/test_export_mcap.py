@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
-from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform
 
 from nadia_balance.diagrams.scenario import Scenario
@@ -35,7 +34,7 @@ def log() -> dict[str, np.ndarray]:
 def run(log, tmp_path) -> Path:
     """The folder of its run."""
     np.savez(tmp_path / "log.npz", **log)
-    text = yaml_dump_typed(Scenario(), child_name="stand")
+    text = Scenario().as_yaml("stand")
     (tmp_path / "scenario.yaml").write_text(text)
     return tmp_path
 

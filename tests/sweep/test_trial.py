@@ -31,8 +31,7 @@ def tried(sweep, delta_v, cell=CELL, replica=0):
 def judged(sweep, delta_v, cell=CELL, replica=0):
     """The run of that push from start to end, and its summary."""
     scenario = sweep.walk(cell, replica)
-    scenario.pushes[0].delta_v = delta_v
-    scenario.pushes[0].direction_deg = cell.direction_deg
+    scenario = scenario.with_push(cell.direction_deg, delta_v)
     run = simulated.run_of(scenario, sweep.plant)
     return run, run.summary
 

@@ -1,0 +1,70 @@
+"""Parameters as YAML, which the reader takes again, to the last bit."""
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from nadia_balance.parameters.yaml_reader import field_types
+
+_LINE = re.compile(r"( *)([\w.+-]+):(?: |$)")
+
+
+def dump(
+    parameters: object,
+    child_name: str = "",
+    comments: Mapping[str, str] | None = None,
+) -> str:
+    """Returns parameters as YAML.
+
+    Args:
+        parameters: a dataclass.
+        child_name: name under which they stand; "": none.
+        comments: by the path of a value, such as "gait.step.length"; what
+            stands beside it.
+    """
+    tree = as_tree(parameters)
+    text: str = yaml.dump(
+        {child_name: tree} if child_name else tree,
+        Dumper=yaml.CSafeDumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=4096,
+    )
+    if not comments:
+        return text
+    return _commented(text, bool(child_name), comments)
+
+
+def as_tree(value: Any) -> Any:
+    """Returns parameters as mappings and lists.
+
+    Args:
+        value: a dataclass, or what its fields may have.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = field_types(type(value))
+        return {name: as_tree(getattr(value, name)) for name in names}
+    if isinstance(value, dict):
+        return {key: as_tree(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_tree(item) for item in value]
+    if isinstance(value, bool | str) or value is None:
+        return value
+    return int(value) if isinstance(value, int) else float(value)
+
+
+def _commented(text: str, has_child: bool, comments: Mapping[str, str]) -> str:
+    lines, path = [], [""]
+    for line in text.splitlines():
+        match = _LINE.match(line)
+        if match:
+            depth = len(match[1]) // 2
+            path = [*path[:depth], match[2]]
+            name = ".".join(path[1:] if has_child else path)
+            if name in comments:
+                line = f"{line}  # {comments[name]}"
+        lines.append(line)
+    return "\n".join([*lines, ""])
