@@ -6,14 +6,23 @@ reuse the outputs that the log has evaluated from the cache.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.systems import framework
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer
 
 from nadia_balance.core.body.reachability import step_regions
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel, load_robot
@@ -24,20 +33,46 @@ from nadia_balance.view.balance_visualizer import BalanceVisualizer
 from nadia_balance.view.scene import CONTROLS
 
 # Signals that are logged, drawn and exported, of those that there are.
-LOGGED = """com_state icp icp_reference ecmp_command momentum_rate
-    momentum_qp_status whole_body_qp_status foot_wrenches swing_foot_reference
-    walking_signal actuation push_signal foot_forces state""".split()
-DRAWN = """walking_state com_state icp icp_reference ecmp_command
-    capture_regions push_force""".split()
+LOGGED = (
+    "com_state",
+    "icp",
+    "icp_reference",
+    "ecmp_command",
+    "momentum_rate",
+    "momentum_qp_status",
+    "whole_body_qp_status",
+    "foot_wrenches",
+    "swing_foot_reference",
+    "walking_signal",
+    "actuation",
+    "push_signal",
+    "foot_forces",
+    "state",
+)
+DRAWN = (
+    "walking_state",
+    "com_state",
+    "icp",
+    "icp_reference",
+    "ecmp_command",
+    "capture_regions",
+    "push_force",
+)
+EXPORTED = ("walking_state", "icp", "icp_reference", "swing_foot_reference")
 COMMAND = "velocity_command"
 # Inputs of a controller that a diagram connects itself.
 WIRED = (
-    "estimated_state foot_poses foot_forces icp com_state mechanisms".split()
+    "estimated_state",
+    "foot_poses",
+    "foot_forces",
+    "icp",
+    "com_state",
+    "mechanisms",
 )
-EXPORTED = "walking_state icp icp_reference swing_foot_reference".split()
+Logs = dict[str, np.ndarray[Any, Any]]
 
 
-class ClosedLoop(framework.Diagram):
+class ClosedLoop(Diagram):
     """A Diagram that can be simulated here.
 
     Each `context` is that of the whole diagram.  RecoveryWatch requires output
@@ -47,43 +82,53 @@ class ClosedLoop(framework.Diagram):
 
     PLANT = "humanoid"  # or lipm
     push: PushSource  # one of its systems
-    controller: framework.System  # one of its systems
+    controller: System  # one of its systems
 
     def __init__(self, scenario: Scenario):
-        """Loads the robot and the true ground (None: flat) of `scenario`."""
+        """Loads the robot and the true ground.
+
+        Args:
+            scenario: what is simulated.
+        """
         super().__init__()
         self.scenario = scenario
-        self.robot = robot = load_robot(scenario.robot, scenario.fidelity)
-        self._ground = scenario.terrain.ground(robot.sole, robot.params.size)
-        self.signals: dict[str, framework.OutputPort] = {}
+        self.robot: RobotModel = load_robot(scenario.robot, scenario.fidelity)
+        # The true one; None: flat.
+        self._ground = scenario.terrain.ground(
+            self.robot.sole, self.robot.params.size
+        )
+        self.signals: dict[str, OutputPort] = {}
 
     @property
-    def velocity_limits(self) -> np.ndarray:
+    def velocity_limits(self) -> np.ndarray[Any, Any]:
         """Least and most of a velocity command, (2, 3): [m/s], [rad/s]."""
         params = self.scenario.controller.footstep_planner
         return velocity_limits(params, self.robot.point_mass)
 
     def remarks(self) -> list[str]:
-        """What a user should know of the robot, and of its commands."""
-        told = list(self.robot.remarks)
-        params = self.scenario.controller.footstep_planner
-        least, most = velocity_limits(params, self.robot.point_mass)
+        """Returns what a user should know of the robot, and of its commands.
+
+        Returns:
+            A line for each.
+        """
+        remarks = list(self.robot.remarks)
+        lower, upper = self.velocity_limits
         for i, row in enumerate(self.scenario.commands):
-            wanted = np.array([row.forward, row.left, row.turn])
-            if np.array_equal(can := np.clip(wanted, least, most), wanted):
-                continue
-            told.append(
-                f"commands[{i}] = {wanted.round(3).tolist()}: is more than it "
-                f"can walk, {can.round(3).tolist()} is taken"
-            )
-        return told
+            asked = np.array([row.forward, row.left, row.turn])
+            clipped = np.clip(asked, lower, upper)
+            if not np.array_equal(clipped, asked):
+                remarks.append(
+                    f"commands[{i}] = {asked.round(3).tolist()}: is more than "
+                    f"it can walk, {clipped.round(3).tolist()} is taken"
+                )
+        return remarks
 
     def _connect_sources(
         self,
-        builder: framework.DiagramBuilder,
-        controller: framework.System,
-        sources: Mapping[str, framework.System],
-    ) -> dict[str, framework.OutputPort]:
+        builder: DiagramBuilder,
+        controller: System,
+        sources: Mapping[str, System],
+    ) -> dict[str, OutputPort]:
         """Connects the sources of the controller's inputs, by their names.
 
         Their own inputs are the controller's outputs of the same names.
@@ -95,25 +140,28 @@ class ClosedLoop(framework.Diagram):
         if controller.HasInputPort(COMMAND) and COMMAND not in sources:
             sources[COMMAND] = self._commands(builder)
         for name, source in sources.items():
-            what = f"sources[{name!r}] = {type(source).__name__}: must"
+            named = f"sources[{name!r}] = {type(source).__name__}"
             if name in WIRED or not controller.HasInputPort(name):
-                free = "velocity_command, or one that a missing block leaves"
-                raise ValueError(f"{what} be of an open input: {free}")
+                raise ValueError(
+                    f"{named}: must be of an open input: velocity_command, or "
+                    "one that a missing block leaves"
+                )
             if not source.HasOutputPort(name):
-                raise ValueError(f"{what} have an output {name!r}")
+                raise ValueError(f"{named}: must have an output {name!r}")
             if source.get_name() in ("", "_"):
                 source.set_name(f"{name}_source")
             if not builder.HasSubsystemNamed(source.get_name()):
                 builder.AddSystem(source)
             connect(builder, source, controller, name)
-            ports = map(source.get_input_port, range(source.num_input_ports()))
-            for port in ports:
-                if controller.HasOutputPort(port.get_name()):
-                    connect(builder, controller, source, port.get_name())
-        known = sources.get(COMMAND)
-        return {COMMAND: known.GetOutputPort(COMMAND)} if known else {}
+            for i in range(source.num_input_ports()):
+                port = source.get_input_port(i).get_name()
+                if controller.HasOutputPort(port):
+                    connect(builder, controller, source, port)
+        if COMMAND not in sources:
+            return {}
+        return {COMMAND: sources[COMMAND].GetOutputPort(COMMAND)}
 
-    def _commands(self, builder: framework.DiagramBuilder) -> framework.System:
+    def _commands(self, builder: DiagramBuilder) -> System:
         """The source of the velocity command, by default.
 
         That is the user, if there is a Meshcat and the scenario has no commands
@@ -127,86 +175,153 @@ class ClosedLoop(framework.Diagram):
 
     def _finish(
         self,
-        builder: framework.DiagramBuilder,
+        builder: DiagramBuilder,
         meshcat: Meshcat | None,
         period: float,
-        systems: Sequence[framework.System],
-        **ports: framework.OutputPort,
+        systems: Sequence[System],
+        **ports: OutputPort,
     ) -> None:
         """Draws, logs and exports the signals of `systems`; builds the diagram.
 
         Where several have a signal, it is that of the first.  `ports` are
         logged, too, every `period` [s].
         """
-        of, names = self.signals, (*LOGGED, *DRAWN, *EXPORTED)
-        for system in reversed(systems):
-            known = filter(system.HasOutputPort, names)
-            of.update({name: system.GetOutputPort(name) for name in known})
-        if meshcat is not None and "walking_state" in of:
+        for name in (*LOGGED, *DRAWN, *EXPORTED):
+            for system in systems:
+                if system.HasOutputPort(name):
+                    self.signals[name] = system.GetOutputPort(name)
+                    break
+        if meshcat is not None and "walking_state" in self.signals:
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
             builder.AddNamedSystem("balance_visualizer", view)
-            for name in filter(of.get, DRAWN):
-                builder.Connect(of[name], view.GetInputPort(name))
-        logged = {name: of[name] for name in LOGGED if name in of} | ports
-        self._sizes = {name: port.size() for name, port in logged.items()}
-        multiplexer = Multiplexer(list(self._sizes.values()))
-        builder.AddNamedSystem("log_multiplexer", multiplexer)
-        for i, port in enumerate(logged.values()):
-            builder.Connect(port, multiplexer.get_input_port(i))
-        port = multiplexer.get_output_port()
-        self._log = LogVectorOutput(port, builder, publish_period=period)
-        self._log.set_name("log")
-        for name in filter(of.get, EXPORTED):
-            builder.ExportOutput(of[name], name)
+            for name in filter(self.signals.get, DRAWN):
+                builder.Connect(self.signals[name], view.GetInputPort(name))
+        logged = {
+            name: self.signals[name] for name in LOGGED if name in self.signals
+        }
+        self._log_ports(builder, period, logged | ports)
+        for name in filter(self.signals.get, EXPORTED):
+            builder.ExportOutput(self.signals[name], name)
         builder.BuildInto(self)
 
-    def set_initial_state(self, context: framework.Context) -> None:
-        """Sets the robot's initial state."""
+    def _log_ports(
+        self,
+        builder: DiagramBuilder,
+        period: float,
+        ports: Mapping[str, OutputPort],
+    ) -> None:
+        self._sizes = {name: port.size() for name, port in ports.items()}
+        multiplexer = Multiplexer(list(self._sizes.values()))
+        builder.AddNamedSystem("log_multiplexer", multiplexer)
+        for i, port in enumerate(ports.values()):
+            builder.Connect(port, multiplexer.get_input_port(i))
+        self._log = LogVectorOutput(
+            multiplexer.get_output_port(), builder, publish_period=period
+        )
+        self._log.set_name("log")
 
-    def fall_reason(self, context: framework.Context) -> str:
-        """The criterion by which the robot has fallen; empty if it has not."""
+    def set_initial_state(self, context: Context) -> None:
+        """Sets the robot's initial state.
+
+        Args:
+            context: that of this diagram, which is changed.
+        """
+
+    def fall_reason(self, context: Context) -> str:
+        """Returns the criterion by which the robot has fallen.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            A few words; empty if it has not fallen.
+        """
         return ""
 
-    def nees(self, context: framework.Context) -> float:
-        """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
+    def nees(self, context: Context) -> float:
+        """Returns the NEES e' P^-1 e [-] of the estimate.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The normalised error; 0 with perfect sensors.
+        """
         return 0.0
 
-    def improper_contacts(self, context: framework.Context) -> set[str]:
-        """Names of all contacts except those of a foot and the ground."""
+    def improper_contacts(self, context: Context) -> set[str]:
+        """Returns all contacts except those of a foot and the ground.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The names of what touches.
+        """
         return set()
 
-    def passed_limit(self, context: framework.Context) -> bool:
-        """True if a limit is exceeded that a recovery must not exceed."""
+    def passed_limit(self, context: Context) -> bool:
+        """Returns whether a limit is exceeded that a recovery must not exceed.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            True if a joint is too fast, or the torso leans too far.
+        """
         return False
 
-    def fastest_joint(self, context: framework.Context) -> tuple[str, float]:
-        """The joint closest to its speed limit: its name, speed per limit."""
+    def fastest_joint(self, context: Context) -> tuple[str, float]:
+        """Returns the joint closest to its speed limit.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            Its name, and its speed per limit [-].
+        """
         return "", 0.0
 
-    def read_logs(self, context: framework.Context) -> dict[str, np.ndarray]:
-        """All logged signals, and `t` [s] (see nadia_balance.results)."""
+    def read_logs(self, context: Context) -> Logs:
+        """Returns all logged signals, and `t` [s] (see results.log).
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The arrays of a log, by name.
+        """
         log = self._log.FindLog(context)
-        t, data = log.sample_times().copy(), log.data().T
+        t: Array = np.array(log.sample_times())
+        data: Array = np.asarray(log.data()).T
         # A simulation from a cloned Context logs its first row a second time.
         last = np.diff(t, append=np.inf) > 0.0
         if not np.all(last):
             t, data = t[last], data[last]
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         columns = np.split(data, ends, axis=1)
-        logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
+        logs: Logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
         # Regions of all footholds: legs may be let cross during a run.
-        regions = step_regions(self.robot.point_mass.reach, cross_over=True)
-        logs |= {f"region_{name}": region for name, region in regions.items()}
+        reach = self.robot.point_mass.reach
+        for name, region in step_regions(reach, cross_over=True).items():
+            logs[f"region_{name}"] = region
         logs["sole"] = self.robot.sole
         if self._ground is not None:
-            regions = enumerate(self._ground.regions)
-            steppable = [(i, r.polygon) for i, r in regions if not r.obstacle]
-            corners = [np.insert(p, 0, i, axis=1) for i, p in steppable]
-            logs["ground"] = np.concatenate(corners)
+            logs["ground"] = np.concatenate(
+                [
+                    np.insert(region.polygon, 0, i, axis=1)
+                    for i, region in enumerate(self._ground.regions)
+                    if not region.obstacle
+                ]
+            )
         return logs
 
-    def forget_logs(self, context: framework.Context) -> None:
-        """Clears the log, which otherwise grows without bound."""
+    def forget_logs(self, context: Context) -> None:
+        """Clears the log, which otherwise grows without bound.
+
+        Args:
+            context: that of this diagram, which is changed.
+        """
         self._log.FindMutableLog(context).Clear()
 
 
@@ -214,15 +329,33 @@ class MeasuredPoses:
     """Forward kinematics of one robot, from its [q, v]."""
 
     def __init__(self, robot: RobotModel):
-        self._plant = plant = robot.control_plant()
-        self._context = plant.CreateDefaultContext()
-        feet, body = robot.foot_bodies.items(), plant.GetBodyByName
-        self._soles = [(body(name), robot.X_FootSole[of]) for of, name in feet]
-        self._trunk = [body(robot.torso_body), body(robot.pelvis_body)]
+        """Makes a plant of its own.
 
-    def along(self, states: np.ndarray) -> dict[str, np.ndarray]:
-        """Signals `foot_poses`, `trunk_tilt` of the `states` (n, nq + nv)."""
-        feet, tilts = np.empty((len(states), 2, 4)), np.empty((len(states), 2))
+        Args:
+            robot: the robot.
+        """
+        self._plant = robot.control_plant()
+        self._context = self._plant.CreateDefaultContext()
+        self._soles = [
+            (self._plant.GetBodyByName(name), robot.X_FootSole[side])
+            for side, name in robot.foot_bodies.items()
+        ]
+        self._trunk = [
+            self._plant.GetBodyByName(robot.torso_body),
+            self._plant.GetBodyByName(robot.pelvis_body),
+        ]
+
+    def along(self, states: np.ndarray[Any, Any]) -> Logs:
+        """Returns the signals of soles and trunk.
+
+        Args:
+            states: [q, v] of each tick, (n, nq + nv).
+
+        Returns:
+            The signals `foot_poses` (n, 8) and `trunk_tilt` (n, 2).
+        """
+        feet = np.empty((len(states), 2, 4))
+        tilts = np.empty((len(states), 2))
         for row, state in enumerate(states):
             tilts[row] = self.trunk_tilt(state)
             for foot, (body, X_FootSole) in enumerate(self._soles):
@@ -231,12 +364,19 @@ class MeasuredPoses:
                 feet[row, foot, 3] = RollPitchYaw(X_WF.rotation()).yaw_angle()
         return {"foot_poses": feet.reshape(-1, 8), "trunk_tilt": tilts}
 
-    def trunk_tilt(self, state: np.ndarray) -> np.ndarray:
-        """Angles (2,) [rad] of torso and pelvis against the vertical."""
+    def trunk_tilt(self, state: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """Returns the angles of torso and pelvis against the vertical.
+
+        Args:
+            state: [q, v], (nq + nv,).
+
+        Returns:
+            The tilts (2,) [rad].
+        """
         self._plant.SetPositionsAndVelocities(self._context, state)
         # The z axis of W, in the body's frame.
         z = [self._pose(body).rotation().matrix()[2] for body in self._trunk]
         return np.array([np.arctan2(np.hypot(x, y), up) for x, y, up in z])
 
-    def _pose(self, body) -> RigidTransform:
+    def _pose(self, body: RigidBody) -> RigidTransform:
         return self._plant.EvalBodyPoseInWorld(self._context, body)

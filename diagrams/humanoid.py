@@ -3,16 +3,23 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.framework import Context, DiagramBuilder, System
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    OutputPort,
+    System,
+)
 
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams.closed_loop import ClosedLoop, MeasuredPoses
+from nadia_balance.core.walking.state import WalkingState
+from nadia_balance.diagrams.closed_loop import ClosedLoop, Logs, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.plants import add_mujoco_plant
@@ -20,10 +27,22 @@ from nadia_balance.results.measurements import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
-from nadia_balance.systems import hardware, push_source
 from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
+from nadia_balance.systems.hardware import (
+    FootForceSensor,
+    JointDrives,
+    StateSensor,
+)
+from nadia_balance.systems.push_source import ContactClock, PushSource
 from nadia_balance.systems.signals import connect, read
-from nadia_balance.view import scene
+from nadia_balance.view.scene import (
+    add_ghost,
+    add_mechanisms,
+    add_mouse,
+    add_robot_view,
+    connect_forces,
+    move_floor,
+)
 
 FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
 FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
@@ -43,92 +62,143 @@ class HumanoidDiagram(ClosedLoop):
         meshcat: Meshcat | None = None,
         controller: System | None = None,
         sources: Mapping[str, System] | None = None,
-        **blocks: System | None,
+        **blocks: Any,
     ):
-        """Builds the diagram of `scenario`; draws if `meshcat` is given.
+        """Builds the diagram.
 
-        `controller` replaces the BalanceController: it has the input
-        `estimated_state` and the output `actuation` of one.  Its inputs
-        `foot_forces`, `mechanisms` and `velocity_command` are connected if it
-        has them, its outputs logged and drawn, too.  `sources` are systems
-        whose output of that name is connected to the controller's input; by
-        default `velocity_command` is the scenario's, or the user's if there is
-        Meshcat and the scenario has no commands.  Without a `walking_state`, a
-        ContactClock times the pushes, in directions relative to W.  `blocks`
-        are those of the BalanceController, or its `tasks`.
+        Args:
+            scenario: what is simulated.
+            meshcat: where it is drawn, if given.
+            controller: replaces the BalanceController: it has the input
+                `estimated_state` and the output `actuation` of one.  Its inputs
+                `foot_forces`, `mechanisms` and `velocity_command` are connected
+                if it has them, its outputs logged and drawn, too.  Without a
+                `walking_state`, a ContactClock times the pushes, in directions
+                relative to W.
+            sources: systems whose output of that name is connected to the
+                controller's input; by default `velocity_command` is the
+                scenario's, or the user's if there is Meshcat and the scenario
+                has no commands.
+            **blocks: those of the BalanceController, or its `tasks`.
 
-        Raises ValueError: the robot cannot stand with the step width of the
-        gait or on the terrain, or a block or the `controller` lacks a port.
+        Raises:
+            ValueError: the robot cannot stand with the step width of the gait
+                or on the terrain, or a block or the `controller` lacks a port.
         """
         super().__init__(scenario)
-        params = scenario.controller
-        period = params.control_period
+        period = scenario.controller.control_period
         model = scenario.point_mass(self.robot)
         start = scenario.start(model)
-        # The controller's friction coefficient: a margin below the ground's.
-        slip = min(scenario.imperfections.friction_ratio, 1.0)
-        friction = slip * params.whole_body.friction
-        check_start(self._ground, start.schedule.feet, friction)
+        self._check_ground(start)
         self._poses = MeasuredPoses(self.robot)
-        stance = scenario.gait.step_width, scenario.place.pose
-        self._standing = self.robot.standing_positions(*stance)
+        self._standing = self.robot.standing_positions(
+            scenario.gait.step_width, scenario.place.pose
+        )
+        self._sensors = (
+            None
+            if scenario.sensors == "perfect"
+            else load_sensors(scenario.sensors)
+        )
         builder = DiagramBuilder()
         self._add_plant(builder)
         if controller is None:
-            given = {"start": start, "ground": model.ground}
-            given["delay"] = scenario.delay
-            known = params, self.robot
-            controller = BalanceController(*known, **given, **blocks)
+            controller = BalanceController(
+                scenario.controller,
+                self.robot,
+                start=start,
+                ground=model.ground,
+                delay=scenario.delay,
+                **blocks,
+            )
         else:
             self._check_controller(controller, blocks)
         self.controller = controller
         builder.AddNamedSystem("balance_controller", controller)
-        known = self.robot.mass, period, self.plant, self.robot.pelvis_body
-        push = push_source.PushSource(scenario.pushes, *known)
-        self.push = builder.AddNamedSystem("push_source", push)
-        kind = scenario.sensors
-        self._sensors = None if kind == "perfect" else load_sensors(kind)
-        noise = self._sensors, scenario.seed
-        known = self.plant, self.robot, period, self.engine
-        sensor = hardware.FootForceSensor(*known, *noise)
-        self.sensor = builder.AddNamedSystem("foot_force_sensor", sensor)
+        self.push = PushSource(
+            scenario.pushes,
+            self.robot.mass,
+            period,
+            self.plant,
+            self.robot.pelvis_body,
+        )
+        builder.AddNamedSystem("push_source", self.push)
+        self.sensor = FootForceSensor(
+            self.plant,
+            self.robot,
+            period,
+            self.engine,
+            self._sensors,
+            scenario.seed,
+        )
+        builder.AddNamedSystem("foot_force_sensor", self.sensor)
         self._close_loop(builder, meshcat, sources or {})
         if meshcat is not None:
-            scene.add_robot_view(builder, self.scene_graph, meshcat)
-            scene.move_floor(meshcat, scenario.place.pose.p_WF)
-            if told := self._measured.get("estimated_state"):
-                ghost = builder, self.robot, told, meshcat
-                self._ghost = scene.add_ghost(*ghost)
-        systems = self.engine, self.sensor, self.push, controller
-        logged = {"mechanisms": self._mechanisms, "torques": self._torques}
-        logged |= self._command
-        logged |= self._measured
-        self._finish(builder, meshcat, period, systems, **logged)
+            self._draw(builder, meshcat)
+        self._finish(
+            builder,
+            meshcat,
+            period,
+            [self.engine, self.sensor, self.push, controller],
+            mechanisms=self._mechanisms,
+            torques=self._torques,
+            **self._command,
+            **self._measured,
+        )
 
-    def _check_controller(self, controller: System, blocks: dict) -> None:
+    def _check_ground(self, start: WalkingState) -> None:
+        """Raises ValueError: the robot cannot stand on it."""
+        # The controller's friction coefficient: a margin below the ground's.
+        slip = min(self.scenario.imperfections.friction_ratio, 1.0)
+        friction = slip * self.scenario.controller.whole_body.friction
+        check_start(self._ground, start.schedule.feet, friction)
+
+    def _draw(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
+        add_robot_view(builder, self.scene_graph, meshcat)
+        move_floor(meshcat, self.scenario.place.pose.p_WF)
+        estimate = self._measured.get("estimated_state")
+        if estimate is not None:
+            self._ghost = add_ghost(builder, self.robot, estimate, meshcat)
+
+    def _check_controller(
+        self, controller: System, blocks: Mapping[str, Any]
+    ) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
-        what = f"controller = {type(controller).__name__}: must"
-        if names := ", ".join(blocks):
-            raise ValueError(f"{what} not come with blocks: {names}")
-        plant = self.plant
-        for way, name, size in (
-            ("Input", "estimated_state", plant.num_multibody_states()),
-            ("Output", "actuation", plant.num_actuated_dofs()),
+        named = f"controller = {type(controller).__name__}"
+        if blocks:
+            raise ValueError(
+                f"{named}: must not come with blocks: {', '.join(blocks)}"
+            )
+        states = self.plant.num_multibody_states()
+        actuators = self.plant.num_actuated_dofs()
+        state, torques = "estimated_state", "actuation"
+        if (
+            not controller.HasInputPort(state)
+            or controller.GetInputPort(state).size() != states
         ):
-            has = getattr(controller, f"Has{way}Port")
-            get = getattr(controller, f"Get{way}Port")
-            if not has(name) or get(name).size() != size:
-                raise ValueError(f"{what} have a port {name!r} of size {size}")
+            raise ValueError(
+                f"{named}: must have a port {state!r} of size {states}"
+            )
+        if (
+            not controller.HasOutputPort(torques)
+            or controller.GetOutputPort(torques).size() != actuators
+        ):
+            raise ValueError(
+                f"{named}: must have a port {torques!r} of size {actuators}"
+            )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""
         step = self.scenario.time_step
+        self.engine: Any
         if self.scenario.engine == "mujoco":
-            made = add_mujoco_plant(builder, self.robot, step, self._ground)
-            self.engine, self.plant, self.scene_graph = made
+            self.engine, self.plant, self.scene_graph = add_mujoco_plant(
+                builder, self.robot, step, self._ground
+            )
             return
-        made = self.robot.add_plant_to(builder, step, self._ground)
-        self.engine, self.scene_graph = self.plant, _ = made
+        self.plant, self.scene_graph = self.robot.add_plant_to(
+            builder, step, self._ground
+        )
+        self.engine = self.plant
         ratio = self.scenario.imperfections.friction_ratio
         if ratio != 1.0:
             scale_friction(self.plant, self.scene_graph, ratio)
@@ -145,48 +215,54 @@ class HumanoidDiagram(ClosedLoop):
         clock = controller
         if not controller.HasOutputPort("walking_state"):
             weight = self.robot.mass * GRAVITY
-            clock = push_source.ContactClock(weight, self.push.period)
+            clock = ContactClock(weight, self.push.period)
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
-        self._torques = controller.GetOutputPort("actuation")
-        self._drives = None
-        if self.robot.drives is not None:
-            drives = hardware.JointDrives(self.plant, self.robot)
-            self._drives = builder.AddNamedSystem("joint_drives", drives)
-            connect(builder, controller, self._drives, "actuation")
-            connect(builder, engine, self._drives, "state")
-            self._torques = self._drives.GetOutputPort("torques")
-        builder.Connect(self._torques, engine.GetInputPort("actuation"))
+        self._drive(builder)
         mouse = None
         if meshcat is not None and engine is self.plant:
-            where = self.plant, self.scene_graph, meshcat
-            mouse = scene.add_mouse(builder, *where)
+            mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
         pushes = self.push.GetOutputPort("spatial_forces")
-        scene.connect_forces(builder, engine, pushes, mouse)
-        on = NAMED[self.scenario.mechanisms]
-        limits = self.velocity_limits
-        self._mechanisms = scene.add_mechanisms(
-            builder, on, self.push, meshcat, limits
+        connect_forces(builder, engine, pushes, mouse)
+        self._mechanisms = add_mechanisms(
+            builder,
+            NAMED[self.scenario.mechanisms],
+            self.push,
+            meshcat,
+            self.velocity_limits,
         )
         if controller.HasInputPort("mechanisms"):
             port = controller.GetInputPort("mechanisms")
             builder.Connect(self._mechanisms, port)
         self._command = self._connect_sources(builder, controller, sources)
 
+    def _drive(self, builder: DiagramBuilder) -> None:
+        """Connects the commanded torques to the engine, through its drives."""
+        self._torques = self.controller.GetOutputPort("actuation")
+        self._drives = None
+        if self.robot.drives is not None:
+            self._drives = JointDrives(self.plant, self.robot)
+            builder.AddNamedSystem("joint_drives", self._drives)
+            connect(builder, self.controller, self._drives, "actuation")
+            connect(builder, self.engine, self._drives, "state")
+            self._torques = self._drives.GetOutputPort("torques")
+        builder.Connect(self._torques, self.engine.GetInputPort("actuation"))
+
     def _sense(self, builder: DiagramBuilder) -> None:
         """Connects the controller's inputs to the measured signals."""
+        scenario, controller = self.scenario, self.controller
         state = self.engine.GetOutputPort("state")
         forces = self.sensor.GetOutputPort("foot_forces")
-        self._measured = {}
-        scenario, controller = self.scenario, self.controller
+        self._measured: dict[str, OutputPort] = {}
         if self._sensors is not None:
             self._estimate(builder)
             state = self._measured["estimated_state"]
         if scenario.imperfections.has_noise or scenario.delay:
             errors = replace(scenario.imperfections, delay=scenario.delay)
-            known = self.plant, errors, self.push.period, scenario.seed
-            sensor = hardware.StateSensor(*known)
+            sensor = StateSensor(
+                self.plant, errors, self.push.period, scenario.seed
+            )
             builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, self.sensor, sensor, "foot_forces")
@@ -199,16 +275,22 @@ class HumanoidDiagram(ClosedLoop):
     def _estimate(self, builder: DiagramBuilder) -> None:
         """Adds sensors, and the estimator that reads them."""
         seed, period = self.scenario.seed, self.push.period
-        common, ground = (self.robot, self._sensors, period), self._ground
-        level = ground is None or ground.is_level
-        height = 0.0 if level and self.scenario.terrain.seen else None
-        told = StateEstimator.told(self._standing, seed)
-        kind = self.scenario.estimator
-        estimator = StateEstimator(*common, told, height, kind)
+        assert self._sensors is not None
+        level = self._ground is None or self._ground.is_level
+        estimator = StateEstimator(
+            self.robot,
+            self._sensors,
+            period,
+            StateEstimator.told(self._standing, seed),
+            0.0 if level and self.scenario.terrain.seen else None,
+            self.scenario.estimator,
+        )
         builder.AddNamedSystem("state_estimator", estimator)
+        imu = Imu(self.robot, self._sensors, period, seed)
+        encoders = JointEncoders(self.robot, self._sensors, period, seed)
         for name, sensor, signal in (
-            ("imu", Imu(*common, seed), "imu"),
-            ("joint_encoders", JointEncoders(*common, seed), "joints"),
+            ("imu", imu, "imu"),
+            ("joint_encoders", encoders, "joints"),
         ):
             builder.AddNamedSystem(name, sensor)
             self._measured[signal] = sensor.GetOutputPort(signal)
@@ -219,34 +301,49 @@ class HumanoidDiagram(ClosedLoop):
             self._measured[name] = estimator.GetOutputPort(name)
 
     def set_initial_state(self, context: Context) -> None:
-        """Lets the robot stand, shifted at random by the scenario's seed."""
+        """Lets the robot stand, shifted at random by the scenario's seed.
+
+        Args:
+            context: that of this diagram, which is changed.
+        """
         q = self._standing.copy()
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             q[4:6] += rng.uniform(-1e-5, 1e-5, 2)
-        own = self.engine.GetMyMutableContextFromRoot(context)
-        self.engine.SetPositions(own, q)
+        engine_context = self.engine.GetMyMutableContextFromRoot(context)
+        self.engine.SetPositions(engine_context, q)
         ratio = self.scenario.imperfections.torso_mass_ratio
         if ratio != 1.0:  # scales its inertia, too
             torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
-            known = torso.CalcSpatialInertiaInBodyFrame(own)
-            mass, shape = ratio * known.get_mass(), known.get_unit_inertia()
-            heavier = SpatialInertia(mass, known.get_com(), shape)
-            torso.SetSpatialInertiaInBodyFrame(own, heavier)
+            inertia = torso.CalcSpatialInertiaInBodyFrame(engine_context)
+            heavier = SpatialInertia(
+                ratio * inertia.get_mass(),
+                inertia.get_com(),
+                inertia.get_unit_inertia(),
+            )
+            torso.SetSpatialInertiaInBodyFrame(engine_context, heavier)
         if self._drives is not None:  # initial torques are the commanded ones
-            own = self._drives.GetMyMutableContextFromRoot(context)
-            commanded = self._drives.GetInputPort("actuation").Eval(own)
-            own.SetDiscreteState(commanded)
+            drives_context = self._drives.GetMyMutableContextFromRoot(context)
+            port = self._drives.GetInputPort("actuation")
+            torques: Any = port.Eval(drives_context)
+            drives_context.SetDiscreteState(torques)
 
     def fall_reason(self, context: Context) -> str:
-        """The criterion by which the robot has fallen; empty if it has not."""
+        """Returns the criterion by which the robot has fallen.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            A few words; empty if it has not fallen.
+        """
         state = read(self.engine.GetOutputPort("state"), context)
         ground = self._ground
         is_uneven = ground is not None and not ground.is_level
         # The pelvis is the floating base: quaternion and position come first.
         height, schedule = state[6], None
         if self.HasOutputPort("walking_state"):
-            walking = self.GetOutputPort("walking_state").Eval(context)
+            walking: Any = self.GetOutputPort("walking_state").Eval(context)
             schedule = walking.schedule
             if is_uneven:
                 height -= schedule.feet[schedule.support_side].p_WF[2]
@@ -262,20 +359,43 @@ class HumanoidDiagram(ClosedLoop):
         return foot_beside(ground, schedule)
 
     def nees(self, context: Context) -> float:
-        """The NEES e' P^-1 e [-] of the estimate; 0 with perfect sensors."""
+        """Returns the NEES e' P^-1 e [-] of the estimate.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The normalised error; 0 with perfect sensors.
+        """
         if self._sensors is None:
             return 0.0
         ports = self._measured | {"state": self.engine.GetOutputPort("state")}
-        now = {n: read(ports[n], context)[None] for n in ESTIMATE.split()}
-        return float(nees(now)[0])
+        row = {
+            name: read(ports[name], context)[None] for name in ESTIMATE.split()
+        }
+        return float(nees(row)[0])
 
     def improper_contacts(self, context: Context) -> set[str]:
-        """Names of all contacts except those of a foot and the ground."""
+        """Returns all contacts except those of a foot and the ground.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The names of what touches.
+        """
         results = read(self.engine.GetOutputPort("contact_results"), context)
         return self.robot.improper_contacts(self.plant, results)
 
     def passed_limit(self, context: Context) -> bool:
-        """True if a joint speed or the torso's tilt is above its limit."""
+        """Returns whether a joint's speed or the torso's tilt is too large.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            True if one is above its limit; ideal robots have none.
+        """
         if self.scenario.fidelity == "ideal":
             return False
         state = read(self.engine.GetOutputPort("state"), context)
@@ -286,7 +406,14 @@ class HumanoidDiagram(ClosedLoop):
         return bool(tilts or (speeds > limits).any())
 
     def fastest_joint(self, context: Context) -> tuple[str, float]:
-        """The joint closest to its speed limit: its name, speed per limit."""
+        """Returns the joint closest to its speed limit.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            Its name, and its speed per limit [-]; ideal robots have no limit.
+        """
         if self.scenario.fidelity == "ideal":
             return "", 0.0
         state = read(self.engine.GetOutputPort("state"), context)
@@ -297,8 +424,15 @@ class HumanoidDiagram(ClosedLoop):
         name = self.plant.GetStateNames(False)[velocity]
         return name.removesuffix("_w").removesuffix("_v"), float(ratios[i])
 
-    def read_logs(self, context: Context) -> dict[str, np.ndarray]:
-        """All logged signals (see nadia_balance.results)."""
+    def read_logs(self, context: Context) -> Logs:
+        """Returns all logged signals (see results.log).
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The arrays of a log, by name.
+        """
         logs = super().read_logs(context)
         velocities = actuated_velocities(self.plant)
         return {

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -32,27 +33,26 @@ class LipmDiagram(ClosedLoop):
         scenario: Scenario,
         meshcat: Meshcat | None = None,
         sources: Mapping[str, System] | None = None,
-        **blocks: System,
+        **blocks: Any,
     ):
-        """Builds the diagram of `scenario`; draws if `meshcat` is given.
+        """Builds the diagram.
 
-        `blocks` replace blocks of the CapturePointController, `sources` are
-        as of HumanoidDiagram.
+        Args:
+            scenario: what is simulated.
+            meshcat: where it is drawn, if given.
+            sources: as of HumanoidDiagram.
+            **blocks: those that replace blocks of the CapturePointController.
 
-        Raises ValueError: a block lacks a port, the robot lacks the body of a
-        push, the engine is not Drake, the sensors are not perfect, or the
-        terrain is not level.
+        Raises:
+            ValueError: a block lacks a port, the robot lacks the body of a
+                push, the engine is not Drake, the sensors are not perfect, or
+                the terrain is not level.
         """
         super().__init__(scenario)
-        for name, only in ("engine", "drake"), ("sensors", "perfect"):
-            if (value := getattr(scenario, name)) != only:
-                why = f"must be {only} for a point mass"
-                raise ValueError(f"{name} = {value!r}: {why}")
-        # Bodies of pushes are checked on the robot: a point mass has none.
-        for name in filter(None, (push.body for push in scenario.pushes)):
-            find_body(self.robot.control_plant(), name)
-        model, period = scenario.point_mass(self.robot), scenario.lipm_period
-        grounds = self._ground, model.ground
+        self._check(scenario)
+        period = scenario.lipm_period
+        model = scenario.point_mass(self.robot)
+        grounds = (self._ground, model.ground)
         if not all(ground is None or ground.is_level for ground in grounds):
             raise ValueError(
                 f"terrain.name = {scenario.terrain.name!r}: must be level, at "
@@ -60,49 +60,97 @@ class LipmDiagram(ClosedLoop):
             )
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
-        builder = DiagramBuilder()
-        add, pushes = builder.AddNamedSystem, scenario.pushes
-        blocks |= {"start": start}
-        controller = CapturePointController(params, model, **blocks)
-        self.controller = add("capture_point_controller", controller)
-        swing = SwingFootPlanner(params.swing_foot, model, period)
-        self.swing = add("swing_foot_planner", swing)
         self._fallen = FALLEN_DISTANCE * model.com_height
-        self.plant = plant = add("plant", PointMassPlant(model, period, start))
-        self.push = add("push_source", PushSource(pushes, model.mass, period))
-        on = NAMED[scenario.mechanisms]
-        limits = self.velocity_limits
-        mechanisms = add_mechanisms(builder, on, self.push, meshcat, limits)
-        watched = "com_state", "foot_poses"
-        self._watched = [plant.GetOutputPort(name) for name in watched]
-        connect(builder, controller, self.swing, "walking_state")
+        builder = DiagramBuilder()
+        self.controller = builder.AddNamedSystem(
+            "capture_point_controller",
+            CapturePointController(params, model, start=start, **blocks),
+        )
+        self.swing = builder.AddNamedSystem(
+            "swing_foot_planner",
+            SwingFootPlanner(params.swing_foot, model, period),
+        )
+        self.plant = builder.AddNamedSystem(
+            "plant", PointMassPlant(model, period, start)
+        )
+        self.push = PushSource(scenario.pushes, model.mass, period)
+        builder.AddNamedSystem("push_source", self.push)
+        self._connect(builder)
+        self._mechanisms = add_mechanisms(
+            builder,
+            NAMED[scenario.mechanisms],
+            self.push,
+            meshcat,
+            self.velocity_limits,
+        )
+        builder.Connect(
+            self._mechanisms, self.controller.GetInputPort("mechanisms")
+        )
+        command = self._connect_sources(builder, self.controller, sources or {})
+        self._finish(
+            builder,
+            meshcat,
+            period,
+            [self.plant, self.controller, self.swing, self.push],
+            mechanisms=self._mechanisms,
+            **command,
+        )
+
+    def _check(self, scenario: Scenario) -> None:
+        """Raises ValueError: the scenario is not for a point mass."""
+        for name, only in ("engine", "drake"), ("sensors", "perfect"):
+            value = getattr(scenario, name)
+            if value != only:
+                raise ValueError(
+                    f"{name} = {value!r}: must be {only} for a point mass"
+                )
+        # Bodies of pushes are checked on the robot: a point mass has none.
+        for push in scenario.pushes:
+            if push.body:
+                find_body(self.robot.control_plant(), push.body)
+
+    def _connect(self, builder: DiagramBuilder) -> None:
+        plant, controller, swing = self.plant, self.controller, self.swing
+        self._com = plant.GetOutputPort("com_state")
+        self._feet = plant.GetOutputPort("foot_poses")
+        connect(builder, controller, swing, "walking_state")
         connect(builder, controller, self.push, "walking_state")
         connect(builder, controller, plant, "walking_state", "ecmp_command")
-        connect(builder, self.swing, plant, "swing_foot_reference")
+        connect(builder, swing, plant, "swing_foot_reference")
         connect(builder, self.push, plant, "push_force")
         connect(builder, plant, controller, "foot_poses", "foot_forces")
         connect(builder, plant, controller, "com_state", "icp")
         if controller.HasInputPort("alip_icp"):  # without a body the same
             connect(builder, plant, controller, icp="alip_icp")
-        builder.Connect(mechanisms, controller.GetInputPort("mechanisms"))
-        command = self._connect_sources(builder, controller, sources or {})
-        systems = plant, self.controller, self.swing, self.push
-        logged = {"mechanisms": mechanisms} | command
-        self._finish(builder, meshcat, period, systems, **logged)
 
     def set_initial_state(self, context: Context) -> None:
-        """Shifts the point mass at random by the scenario's seed."""
+        """Shifts the point mass at random by the scenario's seed.
+
+        Args:
+            context: that of this diagram, which is changed.
+        """
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
-            own = self.plant.GetMyMutableContextFromRoot(context)
-            state = own.get_mutable_discrete_state(0).get_mutable_value()
-            state[:2] += rng.uniform(-1e-5, 1e-5, 2)
+            plant_context = self.plant.GetMyMutableContextFromRoot(context)
+            state = plant_context.get_mutable_discrete_state(0)
+            state.get_mutable_value()[:2] += rng.uniform(-1e-5, 1e-5, 2)
 
     def fall_reason(self, context: Context) -> str:
-        """The criterion by which it has fallen; empty if it has not."""
-        com, feet = (read(port, context) for port in self._watched)
-        places = [foot.p_WF[:2] for foot in (feet.left, feet.right)]
-        if min(math.dist(com[:2], p) for p in places) > self._fallen:
+        """Returns the criterion by which it has fallen.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            A few words; empty if it has not fallen.
+        """
+        com = read(self._com, context)
+        feet = read(self._feet, context)
+        distances = [
+            math.dist(com[:2], foot.p_WF[:2])
+            for foot in (feet.left, feet.right)
+        ]
+        if min(distances) > self._fallen:
             return "CoM out of reach of both feet"
-        state = self.GetOutputPort("walking_state").Eval(context)
+        state: Any = self.GetOutputPort("walking_state").Eval(context)
         return foot_beside(self._ground, state.schedule)

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -12,9 +13,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
-from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import start, until_ctrl_c
+from nadia_balance.diagrams.verdict import gait_and_error, push_signal
 from nadia_balance.results.live_watches import (
     FallWatch,
     VelocityWatch,
@@ -24,6 +26,7 @@ from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.signals import ComState, WalkingSignal, read
 from nadia_balance.view.aims import Aims, heading
 from nadia_balance.view.balance_visualizer import FOOTPRINTS
+from nadia_balance.view.live_controls import LiveControls
 from nadia_balance.view.scene import CONTROLS, move_floor
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
@@ -35,9 +38,15 @@ AIMS_PERIOD = 1.0 / 16.0  # of the user's arrows, in real time [s]
 
 
 def endless(scenario: Scenario) -> Scenario:
-    """Returns the `scenario` without steps, pushes and commands of its own.
+    """Returns a scenario without steps, pushes and commands of its own.
 
     The robot stands until it is told to walk, or must step.
+
+    Args:
+        scenario: that of the flags.
+
+    Returns:
+        Another scenario.
     """
     gait = replace(scenario.gait, num_steps=0, steps=[], footholds=[])
     return replace(scenario, pushes=[], commands=[], gait=gait)
@@ -52,23 +61,42 @@ class LiveSession:
     """
 
     def __init__(
-        self, diagram: ClosedLoop, meshcat: Meshcat, tell: Callable, speed=1.0
+        self,
+        diagram: ClosedLoop,
+        meshcat: Meshcat,
+        tell: Callable[[str], None],
+        speed: float = 1.0,
     ):
-        """Sends each event's line to `tell`; `speed` is 1 in real time."""
+        """Begins to stand.
+
+        Args:
+            diagram: with LiveControls.
+            meshcat: where the buttons are.
+            tell: takes each event's line.
+            speed: the largest one over real time [-].
+        """
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
-        self._controls = diagram.GetSubsystemByName(CONTROLS)
+        controls = diagram.GetSubsystemByName(CONTROLS)
+        self._controls = cast(LiveControls, controls)
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
         meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, speed)
         self._aims, self._drawn = Aims(meshcat), -math.inf
-        self._start = simulation.start(diagram).get_context().Clone()
+        self._start = start(diagram).get_context().Clone()
         self.paused = self.stopped = False
         self._begin(None)
 
     def run(self, show: Callable[[list[str]], None]) -> bool:
-        """Runs until Stop, or Ctrl-C (True); `show` gets each tick's status."""
-        with simulation.until_ctrl_c() as pressed:
+        """Runs until Stop, or Ctrl-C.
+
+        Args:
+            show: takes each tick's status.
+
+        Returns:
+            True after Ctrl-C.
+        """
+        with until_ctrl_c() as pressed:
             while not (pressed() or self.stopped):
                 self.tick()
                 show(self.status())
@@ -84,6 +112,9 @@ class LiveSession:
 
         Time, mode and phase; the velocity commanded and walked; ICP error, last
         push and its result; real-time factor.
+
+        Returns:
+            The lines.
         """
         story = self._story
         mode, moment = self._mode, self._moment
@@ -160,14 +191,14 @@ class LiveSession:
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
         now = context.get_time()
-        state = diagram.GetOutputPort("walking_state").Eval(context)
-        _, self._error = simulation.gait_and_error(diagram, context)
+        state: Any = diagram.GetOutputPort("walking_state").Eval(context)
+        _, self._error = gait_and_error(diagram, context)
         walking = WalkingSignal(
             read(diagram.signals["walking_signal"], context)
         )
         self._mode, self._moment = state.mode.value, moment_words(walking)
         self._measure(state)
-        push = simulation.push_signal(diagram, context)
+        push = push_signal(diagram, context)
         for line in self._story.look(now, walking, push, self._error):
             self._tell_now(line)
         self._draw_aims()
@@ -197,7 +228,7 @@ class LiveSession:
             return
         self._drawn = time.monotonic()
         context, diagram = self.context, self._diagram
-        state = diagram.GetOutputPort("walking_state").Eval(context)
+        state: Any = diagram.GetOutputPort("walking_state").Eval(context)
         schedule = state.schedule
         com = ComState(read(diagram.signals["com_state"], context)).position
         delta_v, direction_deg, _ = self._controls.aimed_push()

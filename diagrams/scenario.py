@@ -220,6 +220,9 @@ class Scenario:
 
         Args:
             robot: the robot of this scenario.
+
+        Returns:
+            The model of capture-point control.
         """
         size = robot.params.size
         ground = self.terrain.ground(robot.sole, size)
@@ -238,6 +241,9 @@ class Scenario:
 
         Args:
             model: the robot on its ground (see point_mass).
+
+        Returns:
+            Both feet carry, and no step has begun.
         """
         return walking_start(self.gait, model, self.place.pose)
 
@@ -259,6 +265,9 @@ class Scenario:
             at: as `Push.at`; or STANDING, told to walk nowhere.
             shape: as `Push.shape`.
                 None: as it is, in each.
+
+        Returns:
+            Another scenario, checked.
 
         Raises:
             ValueError: neither push nor `delta_v`, or a value is invalid.
@@ -286,6 +295,9 @@ class Scenario:
         """Returns this scenario without steps and commands.
 
         Its first push, if it has one, is at STANDING_AT.
+
+        Returns:
+            Another scenario, checked.
         """
         pushes = copy.deepcopy(self.pushes)
         for push in pushes[:1]:
@@ -298,15 +310,21 @@ class Scenario:
 
         Args:
             command: that of the whole run.
+
+        Returns:
+            Another scenario, checked.
         """
         gait = replace(self.gait, num_steps=0, steps=[], footholds=[])
         return self.changed(gait=gait, commands=[command])
 
-    def changed(self, **fields: object) -> Self:
+    def changed(self, **fields: Any) -> Self:
         """Returns this scenario with other values, checked.
 
         Args:
             **fields: those of a Scenario, in SI units.
+
+        Returns:
+            Another scenario.
 
         Raises:
             ValueError: names a field that there is not, or its bad value.
@@ -329,6 +347,9 @@ class Scenario:
 
         Args:
             name: under which it stands in the file.
+
+        Returns:
+            The text of the file.
         """
         return dump(self, name, comments=self.sources)
 
@@ -387,7 +408,11 @@ class Scenario:
 
 
 def scenario_names() -> dict[str, Path]:
-    """Returns the files of the package's scenarios, by their names."""
+    """Returns the package's scenarios.
+
+    Returns:
+        Their files, by their names.
+    """
     return {
         name: path
         for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))
@@ -502,7 +527,8 @@ def _with_random(scenario: Scenario) -> Scenario:
         rng = np.random.default_rng([seed, 1])  # not that of the pushes
         commands = list(scenario.commands)
         for second in range(1, math.ceil(duration)):
-            forward, left, turn = (share * rng.uniform(*limits)).tolist()
+            drawn = share * rng.uniform(limits[0], limits[1])
+            forward, left, turn = drawn.tolist()
             commands.append(
                 Command(time=second, forward=forward, left=left, turn=turn)
             )

@@ -1,4 +1,4 @@
-"""Closed loops of scenarios, their simulation, and how a run is judged."""
+"""Closed loops of scenarios, and their simulation."""
 
 import contextlib
 import math
@@ -8,36 +8,31 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import FrameType
+from typing import Any, cast
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus
+from pydrake.systems.framework import Context
 
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Command, Scenario, load_scenario
+from nadia_balance.diagrams.verdict import (
+    Monitor,
+    RecoveryWatch,
+    push_signal,
+    run_info,
+)
 from nadia_balance.policy_controller import PolicyController
-from nadia_balance.results.measurements import (
-    SETTLED,
-    CalmSteps,
-    LostWatch,
-    StandsWatch,
-)
-from nadia_balance.results.summary import Run, RunInfo
+from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot
-from nadia_balance.systems.signals import (
-    IcpReference,
-    PushSignal,
-    WalkingSignal,
-    read,
-)
 
-WATCH_PERIOD = 0.01  # period of the checks for falls and contacts [s]
-STEADY_STEPS = 8  # steps after which a policy walks steadily
-_SLOWEST = 0.02  # command by which a policy steps in place [m/s]
-SHOWN = 0.5  # time of standing for each step that is shown besides [s]
-_EARLY = 1e-9  # times of ticks differ by rounding [s]
+PUSH = ("direction", "delta_v", "at", "shape")  # arguments of with_push
+WALKS_STEADILY = 8  # steps after which a policy does
+SLOWEST = 0.02  # command by which a policy steps in place [m/s]
+LONGEST = 86400.0  # simulation [s]
 
 
 def closed_loop(
@@ -46,14 +41,22 @@ def closed_loop(
     policy: str | Path = "",
     meshcat: Meshcat | None = None,
 ) -> ClosedLoop:
-    """The diagram of a `scenario`: of the robot, or of the point mass (lipm).
+    """Returns the diagram of a scenario.
 
-    The robot's controller is the `policy` in an ONNX file, if given.
+    Args:
+        scenario: what is simulated.
+        plant: "humanoid", or "lipm": the point mass that it stands for.
+        policy: ONNX file of the robot's controller; "": ours.
+        meshcat: where it is drawn, if given.
+
+    Returns:
+        A diagram that can be simulated.
     """
     if policy:
         return _walked_by(policy, scenario, meshcat)
-    make = LipmDiagram if plant == "lipm" else HumanoidDiagram
-    return make(scenario, meshcat)
+    if plant == "lipm":
+        return LipmDiagram(scenario, meshcat)
+    return HumanoidDiagram(scenario, meshcat)
 
 
 def _walked_by(
@@ -63,33 +66,44 @@ def _walked_by(
 
     It walks by the scenario's commands, or at the mean velocity of the gait, or
     stands if that has no steps.  Pushes in a phase of its gait are after
-    STEADY_STEPS steps.
+    WALKS_STEADILY steps.
     """
     gait, step = scenario.gait, scenario.gait.step
     commands = list(scenario.commands)
     if gait.steps or gait.footholds:
         raise ValueError("gait: must have num_steps with a policy")
     if gait.num_steps:
-        time = gait.swing_duration + gait.transfer_duration
-        speeds = step.length / time, step.sideways / time
-        turn = math.radians(step.yaw_deg) / time
-        if not any((*speeds, turn)):
-            speeds = _SLOWEST, 0.0  # as all zeros are to stand
-        forward, left = speeds
-        commands = [Command(forward=forward, left=left, turn=turn)]
+        duration = gait.swing_duration + gait.transfer_duration
+        command = Command(
+            forward=step.length / duration,
+            left=step.sideways / duration,
+            turn=math.radians(step.yaw_deg) / duration,
+        )
+        if not (command.forward or command.left or command.turn):
+            command.forward = SLOWEST  # as all zeros are to stand
+        commands = [command]
+    scenario = replace(
+        scenario,
+        commands=commands,
+        gait=replace(gait, num_steps=0),
+        pushes=[
+            replace(push, after_steps=max(push.after_steps, WALKS_STEADILY))
+            for push in scenario.pushes
+        ],
+    )
     robot = load_robot(scenario.robot, scenario.fidelity)
-    pushes = [
-        replace(push, after_steps=max(push.after_steps, STEADY_STEPS))
-        for push in scenario.pushes
-    ]
-    controller = PolicyController(robot, onnx)
-    gait = replace(gait, num_steps=0)
-    scenario = replace(scenario, pushes=pushes, commands=commands, gait=gait)
-    return HumanoidDiagram(scenario, meshcat, controller)
+    return HumanoidDiagram(scenario, meshcat, PolicyController(robot, onnx))
 
 
 def start(diagram: ClosedLoop) -> Simulator:
-    """Returns a simulator of `diagram` in its initial state."""
+    """Returns a simulator of a diagram in its initial state.
+
+    Args:
+        diagram: what is simulated.
+
+    Returns:
+        A simulator at time 0.
+    """
     simulator = Simulator(diagram)
     diagram.set_initial_state(simulator.get_mutable_context())
     return simulator
@@ -98,9 +112,16 @@ def start(diagram: ClosedLoop) -> Simulator:
 def pushed(
     diagram: ClosedLoop, walked: Context, delta_v: float, direction_deg: float
 ) -> Simulator:
-    """Returns a simulator that continues from a copy of `walked`, with its log.
+    """Returns a simulator that goes on from a copy of a Context, with its log.
 
-    The first push has `delta_v` [m/s] and the given direction [deg].
+    Args:
+        diagram: what is simulated.
+        walked: just before the first push (see walk_to_push).
+        delta_v: of that push [m/s].
+        direction_deg: of that push [deg].
+
+    Returns:
+        A simulator at the time of the push.
     """
     context = walked.Clone()
     push_context = diagram.push.GetMyMutableContextFromRoot(context)
@@ -108,100 +129,69 @@ def pushed(
     return Simulator(diagram, context)
 
 
-def push_signal(diagram: ClosedLoop, context: Context) -> PushSignal:
-    """The push that acts now, see PushSignal."""
-    return PushSignal(read(diagram.push.GetOutputPort("push_signal"), context))
-
-
 def simulate(
-    diagram: ClosedLoop | str, duration: float | None = None, **changes: object
+    diagram: ClosedLoop | str, duration: float | None = None, **changes: Any
 ) -> Run:
-    """Simulates `diagram` from its start for `duration` [s]; see advance.
+    """Simulates a diagram from its start; see advance.
 
-    By default until it has recovered, at most for its scenario's duration.
-    Instead of a diagram, it may be the name of a scenario of the robot, with
-    `changes` of its first push (see Scenario.with_push) and of its fields:
-    `simulate("push", direction="inward", robot="g1").summary`.
+    For example `simulate("push", direction="inward", robot="g1").summary`.
 
-    Raises ValueError: an unknown scenario, or a change invalid or of a diagram.
+    Args:
+        diagram: a diagram, or the name of a scenario of the robot.
+        duration: of the run [s]; None: until the robot has recovered, at most
+            that of the scenario.
+        **changes: of the scenario that is named: of its first push (see
+            Scenario.with_push) and of its fields.
+
+    Returns:
+        What happened, with the log.
+
+    Raises:
+        ValueError: an unknown scenario, a change that is invalid or of a
+            diagram, or a bad duration.
     """
     name = ""
     if isinstance(diagram, str):
         name = diagram
-        push = {
-            key: changes.pop(key)
-            for key in ("direction", "delta_v", "at", "shape")
-            if key in changes
-        }
+        push = {key: changes.pop(key) for key in PUSH if key in changes}
         scenario = load_scenario(name, **changes)
         if push:
             scenario = scenario.with_push(**push)
         diagram = HumanoidDiagram(scenario)
+    elif not isinstance(diagram, ClosedLoop):
+        raise ValueError(
+            f"diagram = {diagram!r}: must be a ClosedLoop, or a scenario's name"
+        )
     elif changes:
         raise ValueError(f"{next(iter(changes))}: must be in the scenario")
-    ends: dict = {}
     if duration is None:
-        duration = diagram.scenario.duration
-        ends["until"] = RecoveryWatch(diagram)
-    run = advance(start(diagram), duration, **ends)
+        watch = RecoveryWatch(diagram)
+        run = advance(start(diagram), diagram.scenario.duration, until=watch)
+    else:
+        run = advance(start(diagram), duration)
     return replace(run, info=replace(run.info, scenario=name))
 
 
-class RecoveryWatch:
-    """Detects, called once a tick, the recovery from all pushes.
-
-    The robot has recovered after the complete steps with a small ICP error
-    that its scenario requires (see Run.summary), and `more_steps` like them; or
-    when it has stood with square feet for SETTLED, and for SHOWN of each of
-    `more_steps`.  Without pushes, with commands to come, or without an ICP,
-    only the end of the run decides.
-    """
-
-    def __init__(self, diagram: ClosedLoop, more_steps: int = 0):
-        self._diagram, self._calm = diagram, CalmSteps()
-        self._stands, scenario = StandsWatch(), diagram.scenario
-        calm = scenario.calm_steps
-        self._required = calm + more_steps if calm else math.inf
-        self._standing = SETTLED + SHOWN * more_steps
-        told = [command.time for command in scenario.commands]
-        self._not_before = max(told, default=0.0)
-        if not scenario.pushes or not diagram.HasOutputPort("icp"):
-            self._not_before = math.inf
-
-    def __call__(self, context: Context) -> bool:
-        """True if the robot has recovered."""
-        now = context.get_time()
-        if now < self._not_before:
-            return False
-        steps_taken, error = gait_and_error(self._diagram, context)
-        waiting = bool(push_signal(self._diagram, context).waiting)
-        calm = self._calm.look(now, steps_taken, error, waiting)
-        port = self._diagram.controller.GetOutputPort("walking_signal")
-        walking = WalkingSignal(read(port, context))
-        stood = self._stands.look(now, walking, error, waiting)
-        return calm >= self._required or stood >= self._standing
-
-
-def gait_and_error(diagram: ClosedLoop, context: Context) -> tuple[int, float]:
-    """The number of steps taken, and the ICP error [m]."""
-    state, icp, reference = (
-        diagram.GetOutputPort(name).Eval(context)
-        for name in ("walking_state", "icp", "icp_reference")
-    )
-    return state.steps_taken, math.dist(icp, IcpReference(reference).icp)
-
-
 def walk_to_push(diagram: ClosedLoop) -> tuple[Context, Run]:
-    """Simulates `diagram` from its start until just before its first push.
+    """Simulates a diagram from its start until just before its first push.
 
     `pushed` continues from this Context with any other push; the result is that
-    of a run with that push.  Unless the run ended by `until` (see advance), the
-    Context is not that of a push.
+    of a run with that push.
+
+    Args:
+        diagram: what is simulated.
+
+    Returns:
+        The Context and the run until then.  Unless that ended by `until` (see
+        advance), the Context is not that of a push.
     """
     simulator, push = start(diagram), diagram.push
-    ends = {"until": lambda all_: push.begins(push.GetMyContextFromRoot(all_))}
-    duration = diagram.scenario.duration
-    run = advance(simulator, duration, stop_at_failure=True, **ends)
+    run = advance(
+        simulator,
+        diagram.scenario.duration,
+        stop_at_failure=True,
+        until=lambda root: push.begins(push.GetMyContextFromRoot(root)),
+    )
     return simulator.get_context(), run
 
 
@@ -212,61 +202,50 @@ def advance(
     stop_at_failure: bool = False,
     until: Callable[[Context], bool] = lambda context: False,
 ) -> Run:
-    """Simulates until `duration` [s], a fall, or the loss of the estimate.
+    """Simulates until a time, a fall, or the loss of the estimate.
 
-    `stop_at_failure` ends the run at the first improper contact or exceeded
-    limit: either means that the robot does not recover.  `until` is called
-    once a control period, before its update; True ends the run.
     Ctrl-C, or an error in the simulation, ends the run with the log so far.
+
+    Args:
+        simulator: of a ClosedLoop (see start).
+        duration: time at which it ends [s].
+        stop_at_failure: ends the run at the first improper contact or exceeded
+            limit: either means that the robot does not recover.
+        until: called once a control period, before its update, with the
+            diagram's Context; True ends the run.
+
+    Returns:
+        What happened, with the log.
+
+    Raises:
+        ValueError: the duration is negative, or no number.
     """
-    diagram, context = simulator.get_system(), simulator.get_mutable_context()
-    next_look, next_tick = 0.0, 0.0
-    period = diagram.push.period
-    contacts: set[str] = set()
-    estimator = LostWatch()
-    outcome: dict = {}
-
-    def look(_: Context) -> EventStatus:
-        nonlocal next_look, next_tick, contacts
-        now, ends = context.get_time(), False
-        if now < next_tick - _EARLY:
-            return EventStatus.DidNothing()
-        next_tick = (math.floor(now / period + _EARLY) + 1) * period
-        if pressed():
-            outcome["interrupted"] = True
-        elif now >= next_look:
-            next_look = now + WATCH_PERIOD
-            contacts |= diagram.improper_contacts(context)
-            if reason := diagram.fall_reason(context):
-                outcome.update(fell_at=now, fall_reason=reason)
-            elif stop_at_failure:
-                ends = bool(contacts) or diagram.passed_limit(context)
-        if not (outcome or ends) and until(context):
-            outcome["until"] = True
-        if estimator.look(now, diagram.nees(context)) or outcome or ends:
-            return EventStatus.ReachedTermination(diagram, "decided")
-        return EventStatus.DidNothing()
-
+    if not 0.0 <= duration <= LONGEST:
+        raise ValueError(
+            f"duration = {duration}: must be in [0, {LONGEST:g}] s"
+        )
+    diagram = cast(ClosedLoop, simulator.get_system())
+    context = simulator.get_mutable_context()
     with until_ctrl_c() as pressed:
-        simulator.set_monitor(look)
+        monitor = Monitor(diagram, stop_at_failure, until, pressed)
+        simulator.set_monitor(monitor.look)
         began = time.process_time()
         try:
             simulator.AdvanceTo(duration)
         except KeyboardInterrupt:
-            outcome["interrupted"] = True
+            monitor.outcome["interrupted"] = True
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
             message = " ".join(str(error).split())
-            outcome["error"] = message or type(error).__name__
+            monitor.outcome["error"] = message or type(error).__name__
         cpu_time = time.process_time() - began
-    logs = diagram.read_logs(context)
     return Run(
-        logs=logs,
-        info=_run_info(diagram),
+        logs=diagram.read_logs(context),
+        info=run_info(diagram),
         simulated_time=context.get_time(),
         cpu_time=cpu_time,
         missed_pushes=int(push_signal(diagram, context).waiting),
-        improper_contacts=tuple(sorted(contacts)),
-        **outcome,
+        improper_contacts=tuple(sorted(monitor.contacts)),
+        **monitor.outcome,
     )
 
 
@@ -276,10 +255,13 @@ def until_ctrl_c() -> Iterator[Callable[[], bool]]:
 
     A second one raises KeyboardInterrupt.  Outside of the main thread the
     function always returns False.
+
+    Yields:
+        The function.
     """
     pressed: list[bool] = []
 
-    def press(number: int, _: object) -> None:
+    def press(number: int, _: FrameType | None) -> None:
         pressed.append(True)
         signal.signal(number, signal.default_int_handler)
 
@@ -287,11 +269,19 @@ def until_ctrl_c() -> Iterator[Callable[[], bool]]:
         yield lambda: bool(pressed)
 
 
-@contextlib.contextmanager
-def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
-    """Calls `handler` at Ctrl-C or SIGTERM, in a block of the main thread.
+Handler = Callable[[int, FrameType | None], Any] | int | None
 
-    Only for those that have the `usual` handler, if there is one.
+
+@contextlib.contextmanager
+def at_ctrl_c(handler: Handler, usual: Handler = None) -> Iterator[None]:
+    """Calls a handler at Ctrl-C or SIGTERM, in a block of the main thread.
+
+    Args:
+        handler: as of signal.signal.
+        usual: only signals that have this handler are handled; None: all.
+
+    Yields:
+        Nothing.
     """
     is_main = threading.current_thread() is threading.main_thread()
     with contextlib.ExitStack() as restored:
@@ -300,21 +290,3 @@ def at_ctrl_c(handler: Callable, usual: object = None) -> Iterator[None]:
                 old = signal.signal(number, handler)
                 restored.callback(signal.signal, number, old)
         yield
-
-
-def _run_info(diagram: ClosedLoop) -> RunInfo:
-    """The conditions of a run, by which it is judged."""
-    scenario = diagram.scenario
-    same = ["robot", "fidelity", "engine", "seed"]
-    if scenario.fidelity == "realistic":
-        same.append("max_torso_tilt_deg")
-    policy = getattr(diagram.controller, "file", "")
-    push = scenario.pushes[0] if scenario.pushes else None
-    return RunInfo(
-        **{name: getattr(scenario, name) for name in same},
-        direction_deg=push.direction_deg if push else None,
-        delta_v=push.delta_v if push else None,
-        mechanisms=policy or scenario.mechanisms,
-        plant=diagram.PLANT,
-        calm_steps=scenario.calm_steps,
-    )

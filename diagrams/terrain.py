@@ -1,74 +1,121 @@
 """The ground, and the controller's model of it."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
-from nadia_balance.core.body import ground as core
+from nadia_balance.core.body.ground import (
+    Ground,
+    GroundError,
+    Region,
+    believed,
+    check_friction,
+    check_ground,
+    standing_on,
+)
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking import state as walking
-from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.core.walking.state import ContactSchedule, FootPoses, Side
+from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.parameters.scaling import NADIA, Size
 from nadia_balance.parameters.yaml_reader import load_typed
 
-Ground = core.Ground | None  # None: flat
 FLAT = "flat"
 # The courses of the package, by name: files of regions.
-_FILES = sorted((Path(__file__).parent / "courses").glob("*.yaml"))
-COURSES = {path.stem: path for path in _FILES}
+COURSES = {
+    path.stem: path
+    for path in sorted((Path(__file__).parent / "courses").glob("*.yaml"))
+}
 
 
-@dataclass(kw_only=True)
+@parameters
 class Terrain:
     """Ground of convex regions, for the plant and for the controller."""
 
-    # "flat": level ground everywhere; a course; or a YAML file with `regions`.
-    name: str = FLAT
-    # Height of a step of courses that have one; None: as in the file.
-    rise: float | None = bounded(None, above=0.0, most=0.5, unit="m")
-    seed: int = bounded(0, least=0)  # of the error
-    # Distance from a sole to the edge of its region, for the controller.
-    margin: float = bounded(0.02, least=0.0, most=0.2, unit="m")
-    error: core.GroundError = field(default_factory=core.GroundError)
-    # False: the controller's model is flat ground.
-    seen: bool = True
+    name: str = bounded(
+        FLAT,
+        doc='"flat": level ground everywhere; a course; or a YAML file with '
+        "`regions`",
+    )
+    rise: float | None = bounded(
+        None,
+        above=0.0,
+        most=0.5,
+        unit="m",
+        doc="height of a step of courses that have one; null: as in the file",
+    )
+    seed: int = bounded(0, least=0, doc="of the error")
+    margin: float = bounded(
+        0.02,
+        least=0.0,
+        most=0.2,
+        unit="m",
+        doc="from a sole to the edge of its region, for the controller",
+    )
+    error: GroundError = bounded(
+        GroundError, doc="of the controller's model of the regions"
+    )
+    seen: bool = bounded(
+        True, doc="false: the controller's model is flat ground"
+    )
 
     def validate_more(self) -> None:
-        """Raises ValueError if the error would have no effect."""
-        if not self.seen and self.error != core.GroundError():
-            why = "must not be given with seen = False"
-            raise ValueError(f"terrain.error = {self.error}: {why}")
+        """Checks that the error has an effect.
 
-    def ground(self, sole: Array, size: Size = NADIA) -> Ground:
-        """The true ground for soles (n, 2) [m] of a robot of that `size`.
+        Raises:
+            ValueError: it has none, as the ground is not seen.
+        """
+        if not self.seen and self.error != GroundError():
+            raise ValueError(
+                f"terrain.error = {self.error}: must not be given with "
+                "seen = False"
+            )
 
-        Raises ValueError: the course or file does not exist, or has no rise, or
-        regions are not convex, upside down, too small, or overlap.
+    def ground(self, sole: Array, size: Size = NADIA) -> Ground | None:
+        """Returns the true ground; None: flat.
+
+        Args:
+            sole: corners (n, 2) [m] of either sole.
+            size: the robot's lengths [m], to which courses are scaled.
+
+        Returns:
+            The regions, scaled to the robot.
+
+        Raises:
+            ValueError: the course or file does not exist, or has no rise, or
+                regions are not convex, upside down, too small, or overlap.
         """
         if self.name == FLAT:
             return None
-        ground = core.Ground(self._regions(size), sole, self.margin)
+        ground = Ground(self._regions(size), sole, self.margin)
         for region in ground.regions:
             check(region)
-        core.check_ground(ground)
+        check_ground(ground)
         return ground
 
-    def known(self, truth: Ground, start: Array) -> Ground:
-        """The controller's model of the ground, with its error.
+    def known(self, truth: Ground | None, start: Array) -> Ground | None:
+        """Returns the controller's model of the ground, with its error.
 
-        The region at the robot's `start` (2,) [m] has none.
+        Args:
+            truth: the true ground.
+            start: the robot's place (2,) [m] in W, whose region has no error.
+
+        Returns:
+            The ground as the controller takes it to be; None: flat.
         """
         if truth is None or not self.seen:
             return None
-        if self.error == core.GroundError():
+        if self.error == GroundError():
             return truth
-        regions = core.believed(truth.regions, self.error, self.seed, start)
-        return core.Ground(regions, truth.sole, truth.margin)
+        regions = believed(truth.regions, self.error, self.seed, start)
+        return Ground(regions, truth.sole, truth.margin)
 
-    def _regions(self, size: Size) -> tuple[core.Region, ...]:
+    def _regions(self, size: Size) -> tuple[Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
         if not path.is_file():
-            which = f"a YAML file, or one of {', '.join((FLAT, *COURSES))}"
-            raise ValueError(f"terrain.name = {self.name!r}: must be {which}")
+            courses = ", ".join((FLAT, *COURSES))
+            raise ValueError(
+                f"terrain.name = {self.name!r}: must be a YAML file, or one of "
+                f"{courses}"
+            )
         file = load_typed(RegionFile, f"terrain {self.name}", filename=path)
         check(file)
         along = leg = 1.0
@@ -78,8 +125,10 @@ class Terrain:
         up = leg
         if self.rise is not None:
             if file.rise is None:
-                why = f"must be null, as {self.name} has no rise of its own"
-                raise ValueError(f"terrain.rise = {self.rise}: {why}")
+                raise ValueError(
+                    f"terrain.rise = {self.rise}: must be null, as {self.name} "
+                    "has no rise of its own"
+                )
             up = self.rise / file.rise
         return tuple(
             replace(
@@ -91,38 +140,63 @@ class Terrain:
         )
 
 
-def check_start(ground: Ground, feet: walking.FootPoses, friction: float):
-    """Checks that a robot can start on the true `ground` with these `feet`.
+def check_start(
+    ground: Ground | None, feet: FootPoses, friction: float
+) -> None:
+    """Checks that a robot can start on the true ground.
 
-    Raises ValueError: the ground under a foot is not one level region at z = 0,
-    or a region is too steep for the `friction` coefficient [-].
+    Args:
+        ground: the true ground; None: flat.
+        feet: the soles at the start.
+        friction: coefficient [-] that the controller counts on.
+
+    Raises:
+        ValueError: the ground under a foot is not one level region at z = 0,
+            or a region is too steep for the friction.
     """
     if ground is None or ground.is_level:
         return
-    core.check_friction(ground, friction)
-    for side in walking.Side:
-        for foot in core.standing_on(ground, feet)[side], feet[side]:
+    check_friction(ground, friction)
+    for side in Side:
+        for foot in standing_on(ground, feet)[side], feet[side]:
             if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
-                why = "region must be level, at height 0, and known to be so"
-                raise ValueError(f"{side.value} foot at the start: its {why}")
+                raise ValueError(
+                    f"{side.value} foot at the start: its region must be "
+                    "level, at height 0, and known to be so"
+                )
 
 
-def foot_beside(ground: Ground, schedule: walking.ContactSchedule) -> str:
-    """Names a stance foot that is not on one region; empty if none is."""
+def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
+    """Returns the name of a stance foot that is not on one region.
+
+    Args:
+        ground: the true ground; None: flat.
+        schedule: which feet stand, and where.
+
+    Returns:
+        Such as "left foot beside its region"; "" if each is on one.
+    """
     if ground is not None:
-        for side in filter(schedule.in_contact, walking.Side):
+        for side in filter(schedule.in_contact, Side):
             if ground.region_under(schedule.feet[side]) is None:
                 return f"{side.value} foot beside its region"
     return ""
 
 
-@dataclass(kw_only=True)
+@parameters
 class RegionFile:
     """The contents of a YAML file of regions."""
 
-    # For a robot of Nadia's size: x scales with this length of a robot, y and
-    # heights with its leg (core/math/bounds.py).  Empty: as it is, for all.
-    along: str = bounded("", one_of=("", "leg", "tread"))
-    # Height of its steps, which `terrain.rise` replaces.
-    rise: float | None = bounded(None, above=0.0, unit="m")
-    regions: list[core.Region] = field(default_factory=list)
+    along: str = bounded(
+        "",
+        one_of=("", "leg", "tread"),
+        doc="for a robot of Nadia's size: x scales with this length of a "
+        "robot, y and heights with its leg; empty: as it is, for all",
+    )
+    rise: float | None = bounded(
+        None,
+        above=0.0,
+        unit="m",
+        doc="height of its steps, which `terrain.rise` replaces",
+    )
+    regions: list[Region] = bounded(list, doc="of the ground")

@@ -104,7 +104,7 @@ def bounded(default: Any, *, doc: str = "", **bounds: Any) -> Any:
 
 
 @typing.dataclass_transform(
-    kw_only_default=True, field_specifiers=(bounded, dataclasses.field)
+    kw_only_default=True, field_specifiers=(dataclasses.field,)
 )
 def parameters(owner: type[T]) -> type[T]:
     """Makes a class of parameters: a dataclass that takes no unknown field.
