@@ -181,15 +181,19 @@ _MODULES = {
 __all__ = sorted(_MODULES)
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        module = importlib.import_module(f"{__name__}.results.versions")
-        return module.versions()[__name__]
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
-    value = globals()[name] = getattr(module, name)
-    return value
+if not TYPE_CHECKING:  # who would accept any name, misspelt ones, too
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            module = importlib.import_module(f"{__name__}.results.versions")
+            return module.versions()[__name__]
+        if name not in _MODULES:
+            raise AttributeError(
+                f"module {__name__!r} has no attribute {name!r}"
+            )
+        module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+        value = globals()[name] = getattr(module, name)
+        return value
 
 
 def __dir__() -> list[str]:

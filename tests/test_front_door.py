@@ -4,9 +4,11 @@ import ast
 import importlib
 import inspect
 import pkgutil
+import sys
 import tomllib
 from pathlib import Path
 
+import jedi
 import pytest
 from pydrake.systems.framework import LeafSystem
 
@@ -15,6 +17,7 @@ from nadia_balance import engines, systems, view
 from tests import source_files
 from tests.scripts.running import ended, python
 from tests.source_files import ROOT
+from tests.type_checked import only_the_typo_is_found
 
 
 def test_a_scenario_is_simulated_by_its_name():
@@ -41,7 +44,7 @@ def test_a_scenario_is_simulated_by_its_name():
 def test_what_a_type_checker_sees_is_what_python_imports():
     """Oracle: the imports, as a type checker reads them."""
     tree = source_files.syntax_tree(Path("nadia_balance/__init__.py"))
-    (seen,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen, _ = (node for node in tree.body if isinstance(node, ast.If))
     imports = {
         alias.name: line.module.removeprefix("nadia_balance.")
         for line in seen.body
@@ -50,6 +53,14 @@ def test_what_a_type_checker_sees_is_what_python_imports():
         if alias.asname == alias.name  # is meant to be imported from here
     }
     assert imports == nadia_balance._MODULES
+
+
+def test_an_editable_install_is_typed(tmp_path):
+    """Oracles: mypy, on the README's Python and a misspelt name; jedi."""
+    assert only_the_typo_is_found(tmp_path, sys.executable)
+    code = "import nadia_balance as nb\nnb.simulate('push').summ"
+    (completion,) = jedi.Script(code).complete()
+    assert completion.name == "summary"
 
 
 def test_all_leaf_systems_are_public():

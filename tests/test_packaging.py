@@ -15,6 +15,7 @@ import pytest
 
 from tests import run_cache
 from tests.source_files import ROOT, imports, python_files, syntax_tree
+from tests.type_checked import only_the_typo_is_found
 
 FOLDERS = ("nadia_balance", "diagrams", "models", "scripts")
 FILES = {
@@ -118,7 +119,8 @@ def outcome(tmp_path_factory) -> tuple:
             names = archive.namelist()
         bin_folder = installed(tmp_path_factory.mktemp("environment"), built)
         elsewhere = tmp_path_factory.mktemp("elsewhere")
-        return names, *tried_elsewhere(bin_folder, elsewhere)
+        typed = only_the_typo_is_found(elsewhere, bin_folder / "python")
+        return names, typed, *tried_elsewhere(bin_folder, elsewhere)
 
     return run_cache.once(__name__, "", make)
 
@@ -132,9 +134,14 @@ def test_the_wheel_carries_every_file_in_one_package(outcome):
     assert {n for n in outcome[0] if ".dist-info/" not in n} == packed_as
 
 
+def test_the_wheel_is_typed(outcome):
+    """Oracle: mypy, on the README's Python and a misspelt name."""
+    assert outcome[1]
+
+
 def test_commands_run_from_another_directory(outcome):
     """Oracles: one help for each; the run has nothing of the checkout."""
-    _, helps, printed, summary = outcome
+    *_, helps, printed, summary = outcome
     assert helps.count("usage: ") == len(PROJECT["scripts"])
     assert str(ROOT) not in printed
     assert json.loads(summary)["recovered"]
