@@ -13,13 +13,18 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test lint browser results robustness policy clean
+.PHONY: push test lint browser coverage results robustness policy clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
 
 test: lint browser
 	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
+
+# The lines that the tests have run.
+coverage: browser
+	COVERAGE_CORE=sysmon $(BIN)/pytest -n 2 --dist worksteal \
+		--cov=nadia_balance --cov-report=term:skip-covered $(ARGS)
 
 lint: .venv/installed-test
 	$(BIN)/ruff check .
