@@ -120,8 +120,8 @@ def test_without_a_solution_no_foothold_moves():
     icp = reference_icp(state) + [0.1, 0.05]
 
     class Unsolved(icp_step_qp.IcpStepQp):
-        def solve(self, *arguments):
-            shifts, result = super().solve(*arguments)
+        def solve(self, *arguments, **named):
+            shifts, result = super().solve(*arguments, **named)
             return shifts, result._replace(solved=False)
 
     found = feedback(state, icp, qp=Unsolved(PARAMS))
