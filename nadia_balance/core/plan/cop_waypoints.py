@@ -135,8 +135,8 @@ class CopWaypoints:
     @property
     def knots(self) -> Array:
         """Times (N + 1,) [s] of the points since the phase began."""
-        times = np.append(0.0, self.durations)
-        return np.asarray(self.start_time + np.cumsum(times))
+        times = np.cumsum(np.append(0.0, self.durations))
+        return np.asarray(self.start_time + times)
 
 
 def cop_waypoints(
@@ -278,14 +278,16 @@ class Stance:
 
     def _support(self, feet: FootPoses, *sides: Side) -> Array:
         """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
-        soles = [feet[side].to_world(self.inner) for side in sides]
-        return convex_hull(np.concatenate(soles))
+        return convex_hull(
+            np.concatenate([feet[side].to_world(self.inner) for side in sides])
+        )
 
     def _cop(
         self, point: CopPointParams, side: Side, foot: FootPose, other: FootPose
     ) -> Array:
-        length = self.step_length(foot, other)
-        return foot.to_world(self.cop_point(point, side, length))
+        return foot.to_world(
+            self.cop_point(point, side, self.step_length(foot, other))
+        )
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
         """Measures the step from toe to toe.
@@ -316,7 +318,9 @@ class Stance:
         Returns:
             The point (2,) in the sole frame, within the margin [m].
         """
-        x = params.step_length_factor * step_length
-        x = min(max(x, params.min_x), params.max_x)
+        x = min(
+            max(params.step_length_factor * step_length, params.min_x),
+            params.max_x,
+        )
         offset = np.array([x, -side.sign * params.offset_inside])
         return project(self.centroid + offset, self.inner)

@@ -336,8 +336,9 @@ class IcpPlan(Immutable):
     ) -> Array:
         """Returns the ICP (2,) [m] at `t` [s] that leads through `schedule`."""
         path = cop_waypoints(schedule, self.cop, model.cop_area)
-        multipliers = recursive_multipliers(path.knots, t, model.omega)
-        return np.asarray(multipliers @ path.points)
+        return np.asarray(
+            recursive_multipliers(path.knots, t, model.omega) @ path.points
+        )
 
 
 def plan_icp(
@@ -428,7 +429,6 @@ def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:
     reference = plan.at(min(state.time_in_phase, plan.duration))
     if not state.waiting:
         return reference
-    ecmp = reference.icp
-    if state.schedule.phase is Phase.SWING:
-        ecmp = reference.ecmp
+    swings = state.schedule.phase is Phase.SWING
+    ecmp = reference.ecmp if swings else reference.icp
     return replace(reference, icp_velocity=np.zeros(2), cop=ecmp, ecmp=ecmp)

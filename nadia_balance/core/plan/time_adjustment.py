@@ -146,8 +146,7 @@ def is_leaving(
     error = icp - reference.icp
     if contains(reference.ecmp + error, support, -margin):
         return False
-    outward = icp - project(icp, support)
-    return bool(outward @ error > 0.0)
+    return bool((icp - project(icp, support)) @ error > 0.0)
 
 
 class TimeAdjustment(NamedTuple):
@@ -241,8 +240,10 @@ class Timing:
             margin=self.params.support_margin,
         ):
             return TimeAdjustment(available, available)
-        now = gamma(time_constant, self.period) * ahead
-        return TimeAdjustment(min(now, available), min(ahead, available))
+        return TimeAdjustment(
+            now=min(gamma(time_constant, self.period) * ahead, available),
+            in_all=min(ahead, available),
+        )
 
     def least_remaining_time(
         self, state: WalkingState, foot: FootPose, error: Array
