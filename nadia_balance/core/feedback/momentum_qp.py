@@ -192,7 +192,9 @@ class IcpFeedbackQp:
         result = self._qp.solve(QpProblem(H, g, limits.C, lower, upper))
         x = result.x if result.solved else previous
         cop = cop_r + x[:2]
-        return IcpFeedback(x, cop, cop + kappa_r + x[2:], result)
+        return IcpFeedback(
+            x, cop=cop, ecmp=cop + kappa_r + x[2:], result=result
+        )
 
     def _cost(self, error: Array, previous: Array) -> tuple[Array, Array]:
         """Returns H (4, 4) and g (4,) of the cost 1/2 x'Hx + g'x."""

@@ -6,6 +6,7 @@ a robot that walks takes steps of the commanded velocity times their duration.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -324,23 +325,36 @@ class FootstepPlan:
         schedule, calm_error = state.schedule, self.params.calm_error
         error = math.dist(icp, reference)
         moves = _moves(self.after_step(velocity, command))
+
+        def recovery(*sides: Side) -> tuple[Footstep, ...]:
+            return self.recovery(
+                sides, schedule=schedule, feet=feet, icp=icp, on=on
+            )
+
+        def queue(side: Side, starts: bool) -> tuple[Footstep, ...]:
+            return self.queue(
+                side,
+                stance=feet[side.other],
+                velocity=velocity,
+                command=command,
+                starts=starts,
+            )
+
         if schedule.phase is Phase.SWING:
             side, caught = schedule.support_side, self.was_caught(state)
             # A push has priority over the command.
             if moves and error < 2.0 * calm_error:
-                stance = feet[side.other]
-                return self.queue(side, stance, velocity, command, caught)
+                return queue(side, starts=caught)
             if on.step and self.leaves(feet, icp):
-                return self.recovery((side,), schedule, feet, icp, on)
+                return recovery(side)
             if error < calm_error and not caught:
                 return self.squaring(side, feet, closes=True)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
             return self.squaring(side, feet, icp, reactive=True)
         if on.step and self.leaves(feet, icp):
-            return self.recovery(tuple(Side), schedule, feet, icp, on)
+            return recovery(*Side)
         if moves:
-            side = self.first_side(schedule, command)
-            return self.queue(side, feet[side.other], velocity, command, True)
+            return queue(self.first_side(schedule, command), starts=True)
         if schedule.phase is Phase.STANDING and error < 0.5 * calm_error:
             return self.squaring(schedule.support_side.other, feet)
         return ()
@@ -357,13 +371,13 @@ class FootstepPlan:
         Returns:
             True for a reactive step, too.
         """
-        if state.schedule.footsteps[0].reactive:
-            return True
-        if state.adjustment is None:
-            return False
-        return self.params.calm_error < math.dist(
-            state.adjustment.pose.p_WF[:2],
-            state.adjustment.nominal.pose.p_WF[:2],
+        adjustment = state.adjustment
+        return state.schedule.footsteps[0].reactive or (
+            adjustment is not None
+            and math.dist(
+                adjustment.pose.p_WF[:2], adjustment.nominal.pose.p_WF[:2]
+            )
+            > self.params.calm_error
         )
 
     def after_step(self, velocity: Array, command: Array) -> Array:
@@ -405,7 +419,8 @@ class FootstepPlan:
             As few steps as capture the ICP, of the best of the feet.
         """
         captures = {
-            side: self.capture(schedule, side, feet, icp, on) for side in sides
+            side: self.capture(schedule, side, feet=feet, icp=icp, on=on)
+            for side in sides
         }
         # Two equal feet: the one with less weight by the plan.
         loaded = schedule.support_side
@@ -471,12 +486,9 @@ class FootstepPlan:
         Returns:
             False up to `held_outside` of the hull of both soles.
         """
-        soles = [feet[side].to_world(self.model.cop_area) for side in Side]
-        return not contains(
-            icp,
-            polygon=convex_hull(np.concatenate(soles)),
-            tolerance=self.params.held_outside,
-        )
+        sole = self.model.cop_area
+        soles = np.concatenate([feet[side].to_world(sole) for side in Side])
+        return not contains(icp, convex_hull(soles), self.params.held_outside)
 
     def first_side(self, schedule: ContactSchedule, command: Array) -> Side:
         """Chooses the foot that begins a walk: the one that leads.
@@ -535,14 +547,16 @@ class FootstepPlan:
             return ()
         share = 1.0
         if icp is not None:
-            half = 0.5 * self.model.step_width
-            share = min(math.dist(icp, stance.p_WF[:2]) / half, 1.0)
+            share = min(
+                math.dist(icp, stance.p_WF[:2]) / (0.5 * self.model.step_width),
+                1.0,
+            )
         transfer, swing = p.transfer_duration, p.swing_duration
         transfer += share * (p.initial_transfer_duration - transfer)
         if closes:
             transfer = p.closing_share * p.transfer_duration
             swing = p.closing_share * p.swing_duration
-        return (Footstep(side, pose, transfer, swing, reactive),)
+        return (Footstep(side, pose, transfer, swing, reactive=reactive),)
 
     def _is_square(self, foot: FootPose, pose: FootPose) -> bool:
         """True if the `foot` is so close to its `pose` that it may stand."""
@@ -622,8 +636,8 @@ class FootstepPlan:
                 Footstep(
                     side,
                     pose,
-                    self.params.recovery_transfer_duration,
-                    self.params.recovery_swing_duration,
+                    transfer_duration=self.params.recovery_transfer_duration,
+                    swing_duration=self.params.recovery_swing_duration,
                     reactive=True,
                 )
             )
@@ -675,9 +689,13 @@ class FootstepPlan:
         Returns:
             How the foot can catch the ICP.
         """
-        stance, start = feet[side.other], feet[side].p_WF[:2]
-        nowhere = Capture(self.adjuster.num_steps + 1, math.inf, False, 0.0)
-        steps = self.caught(side, stance)
+        nowhere = Capture(
+            steps=self.adjuster.num_steps + 1,
+            gap=math.inf,
+            crosses=False,
+            time=0.0,
+        )
+        steps = self.caught(side, feet[side.other])
         if not steps:
             return nowhere
         geometry = SwingGeometry(
@@ -692,6 +710,19 @@ class FootstepPlan:
             model=self.model,
             on=on,
         )
+        return min(
+            self._captures(geometry, feet[side].p_WF[:2], icp),
+            key=lambda capture: capture.cost,
+            default=nowhere,
+        )
+
+    def _captures(
+        self, geometry: SwingGeometry, start: Array, icp: Array
+    ) -> Iterator[Capture]:
+        """Yields how n steps catch the ICP, for each n and region of the reach.
+
+        The swing foot starts at `start` (2,) [m] in W.
+        """
         transfer = self.params.recovery_transfer_duration
         soonest = transfer + self.min_swing_duration
 
@@ -700,32 +731,24 @@ class FootstepPlan:
                 icp, (time, time + self.adjuster.waiting_time)
             )
 
-        first, captures = one_step_region(soonest), []
+        first = one_step_region(soonest)
         for number, offsets in enumerate(geometry.offsets, start=1):
             region = capture_region(first, offsets)
             for place in geometry.places:
                 time = self.model.detour.time_of_way(
                     start,
                     goal=_nearest(start, place.polygon, region),
-                    stance=stance,
-                    swing=side,
+                    stance=geometry.stance,
+                    swing=geometry.swing,
                 )
-                touchdown = max(soonest, transfer + time)
-                gap = _gap(
-                    place.polygon,
-                    capture_region(one_step_region(touchdown), offsets),
+                later = one_step_region(max(soonest, transfer + time))
+                gap = _gap(place.polygon, capture_region(later, offsets))
+                yield Capture(
+                    steps=number if gap == 0.0 else len(geometry.offsets) + 1,
+                    gap=round(gap, 3),
+                    crosses=place.reach != BASE,
+                    time=round(time, 3),
                 )
-                captures.append(
-                    Capture(
-                        steps=number
-                        if gap == 0.0
-                        else len(geometry.offsets) + 1,
-                        gap=round(gap, 3),
-                        crosses=place.reach != BASE,
-                        time=round(time, 3),
-                    )
-                )
-        return min(captures, key=lambda one: one.cost, default=nowhere)
 
 
 def _nearest(start: Array, reach: Array, region: Array) -> Array:

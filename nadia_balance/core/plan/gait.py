@@ -207,7 +207,7 @@ def walking_start(
     )
     if model.ground is not None:
         feet = standing_on(model.ground, feet)
-    steps = make_footsteps(gait, feet, model.reach, model.ground)
+    steps = make_footsteps(gait, feet, reach=model.reach, ground=model.ground)
     first = steps[0].side if steps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
     return WalkingState(
@@ -310,10 +310,16 @@ def remaining_footsteps(
     if state.schedule.phase is Phase.SWING:
         landed = plan[taken]
         taken += 1
-    if state.schedule.phase is Phase.STANDING:
-        if state.remaining_time > 1.5 * period:
-            return ()
-    return within_reach(plan[taken:], feet, model.reach, landed, model.ground)
+    stands = state.schedule.phase is Phase.STANDING
+    if stands and state.remaining_time > 1.5 * period:
+        return ()
+    return within_reach(
+        plan[taken:],
+        feet,
+        reach=model.reach,
+        landed=landed,
+        ground=model.ground,
+    )
 
 
 def within_reach(
@@ -344,11 +350,12 @@ def within_reach(
     Returns:
         The footsteps; an unchanged one is the same object.
     """
-    returns, previous = False, landed
-    if landed is not None:
-        error = math.dist(feet[landed.side].p_WF[:2], landed.pose.p_WF[:2])
-        returns = error > _DISPLACED * reach.width_nominal
-    steps = []
+    # The foot did not land where it was to: the feet return.
+    returns = landed is not None and (
+        math.dist(feet[landed.side].p_WF[:2], landed.pose.p_WF[:2])
+        > _DISPLACED * reach.width_nominal
+    )
+    previous, steps = landed, []
     for command in commanded[:_NEXT]:
         stance = feet[command.side.other]
         step = _reachable(

@@ -219,7 +219,9 @@ class Timing:
         available = state.remaining_time - max(least, 0.0)
         if not hurried or available <= 0.0:
             return NO_ADJUSTMENT
-        return self._advance(state, plan, icp, available, time_constant)
+        return self._advance(
+            state, plan, icp, available=available, time_constant=time_constant
+        )
 
     def _advance(
         self,
@@ -298,8 +300,11 @@ class Timing:
         goal = state.schedule.footsteps[0].pose.p_WF
         if math.dist(foot.p_WF[:2], goal[:2]) < self.params.near_foothold:
             return 0.0
-        needed = UNDER_WAY * self._time_to_foothold(state, foot)
-        late = needed - self.params.tolerated_delay - state.remaining_time
+        late = (
+            UNDER_WAY * self._time_to_foothold(state, foot)
+            - self.params.tolerated_delay
+            - state.remaining_time
+        )
         limit = state.gained_time
         if state.adjustment:
             limit += state.adjustment.prolonged

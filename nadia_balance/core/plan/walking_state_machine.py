@@ -186,7 +186,9 @@ class StateMachine:
         """
         state = self._adjusted(state, plan, icp, adjustment)
         if revised is not None:
-            state = self._revised(state, plan, feet, icp, revised)
+            state = self._revised(
+                state, plan, feet=feet, icp=icp, steps=revised
+            )
         state = self._tick(state, forces, time_gain)
         schedule = state.schedule
         if schedule.phase is Phase.SWING:
@@ -225,7 +227,11 @@ class StateMachine:
             return replace(
                 state,
                 schedule=plan.moved(
-                    schedule, steps, state.time_in_phase, icp, self.model
+                    schedule,
+                    steps,
+                    t=state.time_in_phase,
+                    icp=icp,
+                    model=self.model,
                 ),
                 adjustment=None,
             )
@@ -333,7 +339,11 @@ class StateMachine:
                 steps[i], moved = replace(steps[i], pose=new.pose), True
         if moved:
             schedule = plan.moved(
-                schedule, tuple(steps), state.time_in_phase, icp, self.model
+                schedule,
+                tuple(steps),
+                t=state.time_in_phase,
+                icp=icp,
+                model=self.model,
             )
         return replace(state, schedule=schedule, adjustment=adjustment)
 
