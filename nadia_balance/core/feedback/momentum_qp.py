@@ -1,7 +1,6 @@
 """ICP feedback by ankles and hips, one quadratic program (Nadia, Sec. III)."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,35 +9,67 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, shrink
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 
 
-@dataclass(kw_only=True)
+@parameters
 class MomentumQpParams:
-    """Gain, weights and limits of the Nadia paper's Eqs. 6-8."""
+    """Gain, weights and limits of the Nadia paper's Eqs. 6-8.
 
-    # k_p: eCMP offset per ICP error [-].
-    # Erratum: the paper's k_p is the total gain, unstable below 1.
-    feedback_gain: float = bounded(3.0, above=1.0)
-    error_weight: float = bounded(1e3, above=0.0)  # Q_e
-    # Q_perp.  With more, an axis at the sole's edge holds back the other one.
-    perpendicular_weight: float = bounded(1e3, least=0.0)
-    cop_weight: float = bounded(3.0, above=0.0)  # R_delta
-    # R_kappa, larger than R_delta: ankles are preferred to hips.
-    ecmp_weight: float = bounded(90.0, above=0.0)
-    rate_weight: float = bounded(100.0, least=0.0)  # R_p, on changes per tick
-    # Below this ICP error its direction is noise: the cost of perpendicular
-    # feedback fades out.
-    small_error: float = bounded(1e-3, above=0.0, unit="m")
-    # Bound on eCMP - CoP, along and across the foot.
-    max_kappa: float = bounded(0.05, least=0.0, unit="m")
-    # Margin of the CoP to the edge of the support polygon.
+    Erratum: the paper's k_p is the total gain, unstable below 1.
+    """
+
+    feedback_gain: float = bounded(
+        3.0, doc="k_p: eCMP offset per ICP error", above=1.0
+    )
+    error_weight: float = bounded(
+        1e3, doc="Q_e: weight of the feedback's error", above=0.0
+    )
+    perpendicular_weight: float = bounded(
+        1e3,
+        doc="Q_perp: weight of the feedback across the ICP error; with more, "
+        "an axis at the sole's edge holds back the other one",
+        least=0.0,
+    )
+    cop_weight: float = bounded(
+        3.0, doc="R_delta: weight of the CoP's feedback", above=0.0
+    )
+    ecmp_weight: float = bounded(
+        90.0,
+        doc="R_kappa: weight of the feedback by angular momentum; larger than "
+        "R_delta: ankles are preferred to hips",
+        above=0.0,
+    )
+    rate_weight: float = bounded(
+        100.0, doc="R_p: weight of the feedback's change per tick", least=0.0
+    )
+    small_error: float = bounded(
+        1e-3,
+        doc="ICP error below which its direction is noise: the cost of "
+        "perpendicular feedback fades out",
+        above=0.0,
+        unit="m",
+    )
+    max_kappa: float = bounded(
+        0.05,
+        doc="bound on eCMP - CoP, along and across the foot",
+        least=0.0,
+        unit="m",
+    )
     cop_safe_distance: float = bounded(
-        0.005, least=0.0, unit="m", of="sole_width"
+        0.005,
+        doc="margin of the CoP to the edge of the support polygon",
+        least=0.0,
+        unit="m",
+        of="sole_width",
     )
 
     def validate_more(self) -> None:
-        """Raises ValueError if the weights leave too little of the gain."""
+        """Checks that the weights leave enough of the gain.
+
+        Raises:
+            ValueError: the effective gain is not > 1.
+        """
         if not self.effective_gain > 1.0:
             raise ValueError(
                 f"error_weight = {self.error_weight}: must be larger beside "
@@ -50,8 +81,9 @@ class MomentumQpParams:
     def effective_gain(self) -> float:
         """Feedback gain as reduced by the weights on delta and kappa [-]."""
         effort = 1.0 / (1.0 / self.cop_weight + 1.0 / self.ecmp_weight)
-        share = self.error_weight / (self.error_weight + effort)
-        return self.feedback_gain * share
+        return self.feedback_gain * (
+            self.error_weight / (self.error_weight + effort)
+        )
 
 
 class FeedbackLimits(NamedTuple):
@@ -71,20 +103,31 @@ class FeedbackLimits(NamedTuple):
 def feedback_limits(
     support: Array, heading: float, params: MomentumQpParams
 ) -> FeedbackLimits:
-    """Returns the limits for a support polygon (n, 2) [m] in W.
+    """A cop <= b, |R(heading)' kappa| <= max_kappa (Nadia paper, Eq. 8).
 
-    `heading` is the yaw [rad] of the foot.
+    Args:
+        support: support polygon (n, 2) in W [m].
+        heading: yaw of the stance foot in W [rad].
+        params: margin of the CoP, and max_kappa.
 
-    Raises ValueError: the margin leaves no area of the polygon.
+    Returns:
+        The limits of CoP and kappa in W.
+
+    Raises:
+        ValueError: the margin leaves no area of the polygon.
     """
     polygon = shrink(support, params.cop_safe_distance, "cop_safe_distance")
     A, b = halfspaces(polygon)
     c, s = math.cos(heading), math.sin(heading)
     C = np.zeros((len(A) + 2, 4))
-    C[:-2, :2], C[-2:, 2:] = A, [[c, s], [-s, c]]
-    upper = np.append(b, 2 * [params.max_kappa])
-    lower = np.append(np.full(len(A), -np.inf), 2 * [-params.max_kappa])
-    return FeedbackLimits(polygon, C, lower, upper)
+    C[:-2, :2] = A
+    C[-2:, 2:] = [[c, s], [-s, c]]
+    return FeedbackLimits(
+        polygon,
+        C,
+        lower=np.append(np.full(len(A), -np.inf), 2 * [-params.max_kappa]),
+        upper=np.append(b, 2 * [params.max_kappa]),
+    )
 
 
 class IcpFeedback(NamedTuple):
@@ -101,14 +144,18 @@ class IcpFeedbackQp:
 
     With the ICP error e, n = e turned by 90 deg and K the feedback gain:
 
-        min   |delta + kappa - K e|^2_Qe + |n . (delta + kappa)|^2_Qperp
-              + |delta|^2_Rd + |kappa|^2_Rk + |delta + kappa - previous|^2_Rp
-        s.t.  r_cop,r + delta in the support polygon,
-              |kappa_r + kappa| <= max_kappa along and across the foot.
+        minimise    |delta + kappa - K e|^2_Qe + |n . (delta + kappa)|^2_Qperp
+                    + |delta|^2_Rd + |kappa|^2_Rk
+                    + |delta + kappa - previous|^2_Rp
+        subject to  r_cop,r + delta in the support polygon,
+                    |kappa_r + kappa| <= max_kappa along and across the foot.
 
     Erratum: as printed, the Q_perp term penalises the feedback along e.
     Erratum: the printed R_kappa term mixes the total kappa with increments;
     here R_kappa acts on the increment, and the limits on the total.
+
+    Args:
+        params: gain and weights.
     """
 
     def __init__(self, params: MomentumQpParams) -> None:
@@ -123,13 +170,21 @@ class IcpFeedbackQp:
         previous: Array,
         limits: FeedbackLimits,
     ) -> IcpFeedback:
-        """Returns the feedback for the ICP error icp - icp_r, (2,) [m] in W.
+        """Solves the QP of a tick.
 
-        `cop_r` and `kappa_r` = ecmp_r - cop_r (2,) [m] are the reference,
-        `previous` (4,) [m] the increments of the last tick.  If the QP has no
-        solution, they are used again, and `result.solved` is False.
+        Args:
+            error: ICP error icp - icp_r (2,) in W [m].
+            cop_r: reference CoP (2,) in W [m].
+            kappa_r: reference ecmp_r - cop_r (2,) in W [m].
+            previous: increments (4,) of the last tick [m].
+            limits: of CoP and kappa.
 
-        Raises ValueError: an argument is not finite.
+        Returns:
+            The feedback; if the QP has no solution, with the `previous`
+            increments, and `result.solved` is False.
+
+        Raises:
+            ValueError: an argument is not finite.
         """
         H, g = self._cost(error, previous)
         shift = limits.C @ np.concatenate((cop_r, kappa_r))
@@ -137,17 +192,19 @@ class IcpFeedbackQp:
         result = self._qp.solve(QpProblem(H, g, limits.C, lower, upper))
         x = result.x if result.solved else previous
         cop = cop_r + x[:2]
-        return IcpFeedback(x, cop, cop + kappa_r + x[2:], result)
+        return IcpFeedback(
+            x, cop=cop, ecmp=cop + kappa_r + x[2:], result=result
+        )
 
     def _cost(self, error: Array, previous: Array) -> tuple[Array, Array]:
         """Returns H (4, 4) and g (4,) of the cost 1/2 x'Hx + g'x."""
         p = self._params
-        ex, ey = float(error[0]), float(error[1])
+        ex, ey = error.tolist()
         length = max(math.hypot(ex, ey), p.small_error)
         nx, ny = -ey / length, ex / length
-        both, q = p.error_weight + p.rate_weight, p.perpendicular_weight
-        xx, xy, yy = both + q * nx * nx, q * nx * ny, both + q * ny * ny
-        d, k = p.cop_weight, p.ecmp_weight
+        diagonal = p.error_weight + p.rate_weight
+        q, d, k = p.perpendicular_weight, p.cop_weight, p.ecmp_weight
+        xx, xy, yy = diagonal + q * nx * nx, q * nx * ny, diagonal + q * ny * ny
         H = np.array(
             [
                 [xx + d, xy, xx, xy],
@@ -166,11 +223,19 @@ class IcpFeedbackQp:
 def momentum_rate(
     com: Array, ecmp: Array, vertical_acceleration: float, model: PointMassModel
 ) -> Array:
-    """Returns the linear momentum rate (3,) [N] in W (Nadia paper, Eq. 5).
+    """l_dot = (m omega^2 (com - ecmp), m zddot) (Nadia paper, Eq. 5).
 
-    The rate is m omega^2 (x - r_ecmp) horizontally (`com`, `ecmp` (2,) [m])
-    and m zddot vertically; the vertical ground force is m (g + zddot).
+    The vertical ground force is m (g + zddot).
     Erratum: g is a vector; it cancels the vertical part at constant height.
+
+    Args:
+        com: CoM (2,) in W [m].
+        ecmp: eCMP (2,) in W [m].
+        vertical_acceleration: zddot of the CoM [m/s^2].
+        model: mass m and natural frequency omega.
+
+    Returns:
+        The linear momentum rate (3,) in W [N].
     """
     (x, y), (ecmp_x, ecmp_y) = com.tolist(), ecmp.tolist()
     k = model.mass * model.omega**2

@@ -17,33 +17,78 @@ from nadia_balance.core.math.lipm import icp, icp_after
 from nadia_balance.core.math.polygon import centroid, project, shrink
 from nadia_balance.core.plan.cop_waypoints import REST_DURATION
 from nadia_balance.core.plan.icp_plan import IcpPlan, solve_segments
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.state import Phase, Side
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    Footstep,
+    Phase,
+    Side,
+    WalkingState,
+)
+from nadia_balance.parameters.bounds import bounded, parameters
 
 _SHORTEST = 1e-9  # shorter segments are omitted [s]
 
 
-@dataclass(kw_only=True)
+@parameters
 class AtlasIcpPlanParams:
     """Positions and durations of the CMP in the soles."""
 
-    # CMPs from the sole's centroid: forward, and toward the other foot [m].
-    heel_forward: float = bounded(-0.02, unit="m", of="sole_length")
-    heel_inside: float = bounded(0.0, unit="m", of="sole_width")
-    toe_forward: float = bounded(0.03, unit="m", of="sole_length")
-    toe_inside: float = bounded(0.02, unit="m", of="sole_width")
-    # Margin of both CMPs to the edge of the sole.
-    margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
-    # Share of a step with the CMP on the toe: alpha_TH.  The shift from heel to
-    # toe is within the swing.
-    toe_share: float = bounded(0.5, above=0.0, below=1.0)
-    # Share of a transfer before the shift to the heel: alpha_iniDS.
-    transfer_split: float = bounded(0.5, above=0.0, below=1.0)
-    # Share of a swing in which the CMP moves from heel to toe.
-    swing_shift: float = bounded(0.5, above=0.0, most=1.0)
-    smooth: bool = True  # Fig. 2(b); else the CMP jumps, as in Fig. 2(a)
-    num_previewed_steps: int = bounded(3, least=1)
+    heel_forward: float = bounded(
+        -0.02,
+        doc="CMP in the heel, forward from the sole's centroid",
+        unit="m",
+        of="sole_length",
+    )
+    heel_inside: float = bounded(
+        0.0,
+        doc="CMP in the heel, toward the other foot",
+        unit="m",
+        of="sole_width",
+    )
+    toe_forward: float = bounded(
+        0.03,
+        doc="CMP in the toe, forward from the sole's centroid",
+        unit="m",
+        of="sole_length",
+    )
+    toe_inside: float = bounded(
+        0.02,
+        doc="CMP in the toe, toward the other foot",
+        unit="m",
+        of="sole_width",
+    )
+    margin: float = bounded(
+        0.01,
+        doc="margin of both CMPs to the edge of the sole",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
+    toe_share: float = bounded(
+        0.5,
+        doc="alpha_TH: share of a step with the CMP on the toe; the shift from "
+        "heel to toe is within the swing",
+        above=0.0,
+        below=1.0,
+    )
+    transfer_split: float = bounded(
+        0.5,
+        doc="alpha_iniDS: share of a transfer before the shift to the heel",
+        above=0.0,
+        below=1.0,
+    )
+    swing_shift: float = bounded(
+        0.5,
+        doc="share of a swing in which the CMP moves from heel to toe",
+        above=0.0,
+        most=1.0,
+    )
+    smooth: bool = bounded(
+        True, doc="Fig. 2(b); else the CMP jumps, as in Fig. 2(a)"
+    )
+    num_previewed_steps: int = bounded(
+        3, doc="number of footsteps in the plan", least=1
+    )
 
 
 class Switch(NamedTuple):
@@ -65,10 +110,15 @@ class AtlasIcpPlan(IcpPlan):
     moves: Array = field(kw_only=True)
     FOLLOWS_STEPS = True
 
-    def moves_of(self, state: walking.WalkingState) -> Array:
-        """Returns Gamma (2, n) of ICP and eCMP (Eq. 18).
+    def moves_of(self, state: WalkingState) -> Array:
+        """Gamma_i = d(ICP, eCMP) / d(foothold i) (Eq. 18).
 
-        These are the derivatives of the result of `reference_of(self, state)`.
+        Args:
+            state: walking state, of the schedule of this plan.
+
+        Returns:
+            Gamma (2, n) of ICP and eCMP: the derivatives of
+            `reference_of(self, state)`, equal for x and y [-].
         """
         i, rows = self.rows(min(state.time_in_phase, self.duration))
         gammas = np.asarray(rows[1:] @ self.moves[i])
@@ -77,31 +127,41 @@ class AtlasIcpPlan(IcpPlan):
 
 
 def plan_atlas_icp(
-    schedule: walking.ContactSchedule,
-    params: AtlasIcpPlanParams,
-    model: PointMassModel,
+    schedule: ContactSchedule, params: AtlasIcpPlanParams, model: PointMassModel
 ) -> AtlasIcpPlan:
-    """Returns the plan (Eqs. 4 to 6, 15) of the present phase and footsteps.
+    """The plan (Eqs. 4 to 6, 15) of the present phase and footsteps.
 
     It ends at rest between the feet; the CoM starts at that of schedule.start.
     A smooth transfer also starts with its ICP: the line from the last toe (Eq.
     5) differs from that after an early or late touchdown.
 
-    Raises ValueError: a swing without a footstep, or a sole within the margin.
+    Args:
+        schedule: present phase, feet and footsteps.
+        params: CMPs, and their shares of the phases.
+        model: soles and natural frequency.
+
+    Returns:
+        The plan, with its derivatives by n previewed footholds.
+
+    Raises:
+        ValueError: a swing without a footstep, or a sole within the margin.
     """
     steps, _ = schedule.preview(params.num_previewed_steps)
     points, omega = cmps(schedule, steps, params, model), model.omega
     now, start = schedule.start, None
     no_moves = np.zeros(len(steps))
     if params.smooth and schedule.phase is not Phase.SWING:
-        icp_start = icp(now.com, now.com_velocity, omega)
-        start = np.concatenate([icp_start, no_moves])
+        start = np.append(icp(now.com, now.com_velocity, omega), no_moves)
     durations, ecmp, ecmp_velocity = _segments(
         switches(schedule, params), points, start, omega
     )
-    com_start = np.concatenate([now.com, no_moves])
     pieces = solve_segments(
-        durations, ecmp, com_start, points[-1], omega, ecmp_velocity
+        durations,
+        ecmp,
+        com_start=np.append(now.com, no_moves),
+        icp_end=points[-1],
+        omega=omega,
+        ecmp_velocity=ecmp_velocity,
     )
     return AtlasIcpPlan(
         omega=omega,
@@ -114,13 +174,23 @@ def plan_atlas_icp(
 
 
 def switches(
-    schedule: walking.ContactSchedule, params: AtlasIcpPlanParams
+    schedule: ContactSchedule, params: AtlasIcpPlanParams
 ) -> list[Switch]:
-    """Returns the CMP switches in the present phase and in previewed steps.
+    """The CMP switches in the present phase and in previewed steps.
 
     A step lasts from the corner point of its transfer to that of the next one,
     with the CMP on the toe for `toe_share` of it; the shift from heel to toe is
     clipped to the swing.
+
+    Args:
+        schedule: present phase, and the durations of the footsteps.
+        params: shares of the phases.
+
+    Returns:
+        The switches in order; times since the phase began.
+
+    Raises:
+        ValueError: a swing without a footstep.
     """
     steps, last = schedule.preview(params.num_previewed_steps)
     transfers = [*(step.transfer_duration for step in steps), last]
@@ -129,45 +199,57 @@ def switches(
         swings[0] = schedule.duration
     elif schedule.phase is Phase.TRANSFER:
         transfers[0] = schedule.duration
-    split, found = params.transfer_split, []
+    split, shifts = params.transfer_split, []
     t = -transfers[0] if schedule.phase is Phase.SWING else 0.0
     for swing, (transfer, after) in zip(
         swings, pairwise(transfers), strict=True
     ):
-        found.append(Switch(t, t + split * transfer, t + transfer))
+        shifts.append(Switch(t, t + split * transfer, t + transfer))
         whole = (1.0 - split) * transfer + swing + split * after
         half = 0.5 * params.swing_shift * swing
         corner = t + split * transfer + (1.0 - params.toe_share) * whole
         t += transfer
         corner = min(max(corner, t + half), t + swing - half)
-        found.append(Switch(corner - half, corner, corner + half))
+        shifts.append(Switch(corner - half, corner, corner + half))
         t += swing
-    found.append(Switch(t, t + split * last, t + last))
+    shifts.append(Switch(t, t + split * last, t + last))
     if schedule.phase is Phase.SWING:
-        del found[0]
+        del shifts[0]
     if params.smooth:
-        return found
-    return [Switch(corner, corner, corner) for _, corner, _ in found]
+        return shifts
+    return [Switch(corner, corner, corner) for _, corner, _ in shifts]
 
 
 def cmps(
-    schedule: walking.ContactSchedule,
-    steps: tuple[walking.Footstep, ...],
+    schedule: ContactSchedule,
+    steps: tuple[Footstep, ...],
     params: AtlasIcpPlanParams,
     model: PointMassModel,
 ) -> Array:
-    """Returns the CMPs in order, with their derivatives by the footholds.
+    """The CMPs in order, with their derivatives by the footholds (Eq. 15).
 
-    Rows are [x, y, derivative by each of `steps`]: in double support the CoP of
-    schedule.start; heel and toe of each stance foot (Eq. 15); mid of the soles.
+    In double support the CoP of schedule.start; heel and toe of each stance
+    foot; the middle between the soles.
+
+    Args:
+        schedule: present phase, feet and start.
+        steps: the n previewed footsteps.
+        params: CMPs in the soles.
+        model: soles.
+
+    Returns:
+        Rows [x, y, derivative by each of `steps`] (k, 2 + n) in W [m], [-].
+
+    Raises:
+        ValueError: a sole within the margin.
     """
     inner = shrink(model.cop_area, params.margin, "margin")
     centre = centroid(model.cop_area)
     feet = schedule.feet
     shares = dict.fromkeys(Side, [0.0] * len(steps))
-    found = []
+    rows = []
     if schedule.phase is not Phase.SWING:
-        found.append([*schedule.start.cop, *shares[Side.LEFT]])
+        rows.append([*schedule.start.cop, *shares[Side.LEFT]])
     for i, step in enumerate(steps):
         side = step.side.other
         for forward, inside in (
@@ -175,30 +257,36 @@ def cmps(
             (params.toe_forward, params.toe_inside),
         ):
             offset = np.array([forward, -side.sign * inside])
-            place = project(centre + offset, inner)
-            found.append([*feet[side].to_world(place), *shares[side]])
+            cmp = feet[side].to_world(project(centre + offset, inner))
+            rows.append([*cmp, *shares[side]])
         feet = feet.with_foot(step.side, step.pose)
         shares[step.side] = [float(i == k) for k in range(len(steps))]
     centres = [[*feet[side].to_world(centre), *shares[side]] for side in Side]
-    found.append(np.mean(centres, axis=0).tolist())
-    return np.array(found)
+    return np.array([*rows, np.mean(centres, axis=0).tolist()])
 
 
 def corner_points(
     corners: list[float], points: Array, omega: float
 ) -> list[Array]:
-    """Returns the ICP (k,) at each of the times `corners` (n,) [s].
+    """The ICPs at which the CMP jumps from one point to the next (Eq. 4).
 
-    There the CMP jumps from one of the `points` (n + 1, k) to the next, and at
-    the last corner the ICP equals the last point: the recursion of Eq. 4, which
-    Algorithm 1 writes as multipliers.
+    At the last corner the ICP equals the last point; before, this is the
+    recursion that Algorithm 1 writes as multipliers.
+
+    Args:
+        corners: increasing times (n,) of the jumps [s].
+        points: CMPs (n + 1, k), columns as in `cmps`.
+        omega: natural frequency [rad/s].
+
+    Returns:
+        The ICP (k,) at each of the corners.
     """
-    found = [points[-1]]
+    icps = [points[-1]]
     for (t, t_next), cmp in zip(
         reversed(list(pairwise(corners))), points[-2:0:-1], strict=True
     ):
-        found.append(icp_after(found[-1], cmp, omega, t - t_next))
-    return found[::-1]
+        icps.append(icp_after(icps[-1], cmp, omega, t - t_next))
+    return icps[::-1]
 
 
 def _segments(
@@ -212,22 +300,24 @@ def _segments(
     """
     icps = corner_points([shift.corner for shift in shifts], points, omega)
     still, t = np.zeros((2, points.shape[1])), 0.0
-    found = []
+    segments = []
     for i, (shift, icp_c) in enumerate(zip(shifts, icps, strict=True)):
         before, after = points[i], points[i + 1]
-        found.append((shift.begin - t, [before, before], still))
-        if (duration := shift.end - shift.begin) > _SHORTEST:
+        segments.append((shift.begin - t, [before, before], still))
+        duration = shift.end - shift.begin
+        if duration > _SHORTEST:
             first = icp_after(icp_c, before, omega, shift.begin - shift.corner)
             if i == 0 and start is not None:
                 first = start
             last = icp_after(icp_c, after, omega, shift.end - shift.corner)
             rates = _spline_rates(first, before, last, after, duration, omega)
-            found.append((duration, [before, after], rates))
+            segments.append((duration, [before, after], rates))
         t = shift.end
-    found.append((REST_DURATION, [points[-1], points[-1]], still))
-    found = [segment for segment in found if segment[0] > _SHORTEST]
-    durations, cmps, velocities = map(np.array, zip(*found, strict=True))
-    return durations, cmps.swapaxes(0, 1), velocities.swapaxes(0, 1)
+    segments.append((REST_DURATION, [points[-1], points[-1]], still))
+    durations, ecmp, velocities = map(
+        np.array, zip(*(s for s in segments if s[0] > _SHORTEST), strict=True)
+    )
+    return durations, ecmp.swapaxes(0, 1), velocities.swapaxes(0, 1)
 
 
 def _spline_rates(
@@ -239,6 +329,7 @@ def _spline_rates(
     at its start and `after` at its end, all (k,).
     """
     v0, v1 = w * (first - before), w * (last - after)
-    way = 6.0 * (last - first) / T
-    a0, a1 = (way - 4.0 * v0 - 2.0 * v1) / T, (2.0 * v0 + 4.0 * v1 - way) / T
+    slope = 6.0 * (last - first) / T
+    a0 = (slope - 4.0 * v0 - 2.0 * v1) / T
+    a1 = (2.0 * v0 + 4.0 * v1 - slope) / T
     return np.array([v0 - a0 / w, v1 - a1 / w])

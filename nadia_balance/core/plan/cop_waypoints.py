@@ -1,22 +1,33 @@
 """The piecewise linear CoP reference through the next footsteps."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.state import FootPose, FootPoses, Side
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.math.polygon import (
+    centroid,
+    convex_hull,
+    project,
+    shrink,
+)
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+)
+from nadia_balance.parameters.bounds import bounded, parameters
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
 REST_DURATION = 10.0  # [s]; long enough to count as infinite
 
 
-@dataclass(kw_only=True)
+@parameters
 class CopPointParams:
     """One CoP point relative to the sole's centroid: x forward, y to the left.
 
@@ -24,51 +35,90 @@ class CopPointParams:
     offset_inside toward the other foot.
     """
 
-    offset_inside: float = bounded(0.0, unit="m", of="sole_width")
-    step_length_factor: float = 0.0  # [-]
-    min_x: float = bounded(0.0, unit="m", of="sole_length")
-    max_x: float = bounded(0.0, unit="m", of="sole_length")
+    offset_inside: float = bounded(
+        0.0, doc="offset toward the other foot", unit="m", of="sole_width"
+    )
+    step_length_factor: float = bounded(
+        0.0, doc="forward offset per step length"
+    )
+    min_x: float = bounded(
+        0.0, doc="least forward offset", unit="m", of="sole_length"
+    )
+    max_x: float = bounded(
+        0.0, doc="largest forward offset", unit="m", of="sole_length"
+    )
 
     def validate_more(self) -> None:
-        """Raises ValueError if the range of x is empty."""
+        """Checks the range of x.
+
+        Raises:
+            ValueError: it is empty.
+        """
         if self.min_x > self.max_x:
             raise ValueError(
                 f"min_x = {self.min_x}: must be <= max_x = {self.max_x}"
             )
 
 
-@dataclass(kw_only=True)
+@parameters
 class IcpPlanParams:
     """Parameters of the ICP plan: where and when the CoP is in each phase."""
 
-    entry: CopPointParams = field(
-        default_factory=lambda: CopPointParams(
+    entry: CopPointParams = bounded(
+        lambda: CopPointParams(
             offset_inside=-0.005,
             step_length_factor=1.0 / 3.0,
             min_x=-0.04,
             max_x=0.03,
-        )
+        ),
+        doc="CoP at the end of a transfer, in the new stance foot",
     )
-    ball: CopPointParams = field(
-        default_factory=lambda: CopPointParams(
+    ball: CopPointParams = bounded(
+        lambda: CopPointParams(
             offset_inside=0.010, step_length_factor=0.125, max_x=0.055
-        )
+        ),
+        doc="CoP within a swing",
     )
-    exit: CopPointParams = field(
-        default_factory=lambda: CopPointParams(
+    exit: CopPointParams = bounded(
+        lambda: CopPointParams(
             offset_inside=0.025, step_length_factor=1.0 / 3.0, max_x=0.08
-        )
+        ),
+        doc="CoP at the end of a swing",
     )
-    # Margin of the points to the edge of the sole.
-    margin: float = bounded(0.01, least=0.0, unit="m", of="sole_width")
-    # Weight of the leading foot's entry in the mid-transfer point.
-    mid_weight: float = bounded(0.5, above=0.0, below=1.0)
-    # Shares: of a transfer before its mid-point, of the swing's CoP shift
-    # before the ball, and of a swing before the exit.
-    transfer_split: float = bounded(0.5, above=0.0, below=1.0)
-    swing_split: float = bounded(0.5, above=0.0, below=1.0)
-    swing_shift_fraction: float = bounded(0.85, above=0.0, below=1.0)
-    num_previewed_steps: int = bounded(3, least=1)
+    margin: float = bounded(
+        0.01,
+        doc="margin of the points to the edge of the sole",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
+    mid_weight: float = bounded(
+        0.5,
+        doc="weight of the leading foot's entry in the mid-transfer point",
+        above=0.0,
+        below=1.0,
+    )
+    transfer_split: float = bounded(
+        0.5,
+        doc="share of a transfer before its mid-point",
+        above=0.0,
+        below=1.0,
+    )
+    swing_split: float = bounded(
+        0.5,
+        doc="share of a swing's CoP shift before the ball",
+        above=0.0,
+        below=1.0,
+    )
+    swing_shift_fraction: float = bounded(
+        0.85,
+        doc="share of a swing before the exit: its CoP shift",
+        above=0.0,
+        below=1.0,
+    )
+    num_previewed_steps: int = bounded(
+        3, doc="number of footsteps in the plan", least=1
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,44 +135,59 @@ class CopWaypoints:
     @property
     def knots(self) -> Array:
         """Times (N + 1,) [s] of the points since the phase began."""
-        times = np.append(0.0, self.durations)
-        return np.asarray(self.start_time + np.cumsum(times))
+        times = np.cumsum(np.append(0.0, self.durations))
+        return np.asarray(self.start_time + times)
 
 
 def cop_waypoints(
-    schedule: walking.ContactSchedule, params: IcpPlanParams, sole: Array
+    schedule: ContactSchedule, params: IcpPlanParams, sole: Array
 ) -> CopWaypoints:
-    """Returns the CoP from schedule.start through the footsteps, and to rest.
+    """The CoP from schedule.start through the footsteps, and to rest.
 
     In a transfer the CoP moves via mid-transfer to the entry of the new stance
     foot; in a swing via the ball to the exit, where it stays; at the end it
-    rests midway between the soles, with the corners `sole` (k, 2) [m].
+    rests midway between the soles.
 
-    Raises ValueError: a swing without a footstep, or no sole within the margin.
+    Args:
+        schedule: present phase, feet and footsteps.
+        params: CoP points, and their shares of the phases.
+        sole: corners (k, 2) of either sole in its own frame [m].
+
+    Returns:
+        The CoP segments from schedule.start_time on.
+
+    Raises:
+        ValueError: a swing without a footstep, or no sole within the margin.
     """
-    steps, last = schedule.preview(params.num_previewed_steps)
+    steps, final_transfer = schedule.preview(params.num_previewed_steps)
     feet, stance = schedule.feet, Stance(params, sole)
     phases = []
     for i, step in enumerate(steps):
-        if i > 0 or schedule.phase is walking.Phase.TRANSFER:
+        if i > 0 or schedule.phase is Phase.TRANSFER:
             phases.append(stance.transfer(feet, step))
         phases.append(stance.swing(feet, step))
         feet = feet.with_foot(step.side, step.pose)
-    phases.append(stance.final_transfer(feet, last))
+    phases.append(stance.final_transfer(feet, final_transfer))
     if math.isfinite(schedule.duration):  # overrides the footstep's
         phases[0] = phases[0]._replace(duration=schedule.duration)
-    times = [share * p.duration for p in phases for share in p.shares]
-    lasts = np.maximum([*times, REST_DURATION], _MIN_DURATION)
-    ends, present = np.cumsum(lasts), len(phases[0].shares)
-    over = int(np.searchsorted(ends, schedule.start_time, side="right"))
-    over = min(over, present - 1)
-    left = max(ends[over] - schedule.start_time, _MIN_DURATION)
+    times = [
+        share * phase.duration for phase in phases for share in phase.shares
+    ]
+    durations = np.maximum([*times, REST_DURATION], _MIN_DURATION)
+    ends = np.cumsum(durations)
+    passed = min(
+        int(np.searchsorted(ends, schedule.start_time, side="right")),
+        len(phases[0].shares) - 1,
+    )
+    remaining = max(ends[passed] - schedule.start_time, _MIN_DURATION)
     points = [point for phase in phases for point in phase.points]
     return CopWaypoints(
-        np.array([schedule.start.cop, *points[over:], points[-1]]),
-        np.append(left, lasts[over + 1 :]),
-        schedule.start_time,
-        [part for phase in phases[:2] for part in phase.supports][over:],
+        points=np.array([schedule.start.cop, *points[passed:], points[-1]]),
+        durations=np.append(remaining, durations[passed + 1 :]),
+        start_time=schedule.start_time,
+        supports=[
+            support for phase in phases[:2] for support in phase.supports
+        ][passed:],
     )
 
 
@@ -137,56 +202,103 @@ class Stance:
     """The segments of each phase, for feet on the ground."""
 
     def __init__(self, params: IcpPlanParams, sole: Array) -> None:
-        """Takes the corners `sole` (k, 2) [m] in the sole frame.
+        """Measures the sole.
 
-        Raises ValueError: the margin leaves no area of the sole.
+        Args:
+            params: CoP points, and their shares of the phases.
+            sole: corners (k, 2) in the sole frame [m].
+
+        Raises:
+            ValueError: the margin leaves no area of the sole.
         """
         self.params, self.corners = params, sole
-        self.centroid = polygon.centroid(sole)
-        self.inner = polygon.shrink(sole, params.margin, "margin")
+        self.centroid = centroid(sole)
+        self.inner = shrink(sole, params.margin, "margin")
 
-    def transfer(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
-        """Returns the shift of the weight to the other foot of `step`."""
-        leading, side, p = step.side.other, step.side, self.params
-        exit_ = self._cop(p.exit, side, feet[side], feet[leading])
-        entry = self._cop(p.entry, leading, feet[leading], feet[side])
-        mid = exit_ + p.mid_weight * (entry - exit_)
-        supports = [self._support(feet, *Side), self._support(feet, leading)]
-        shares = [p.transfer_split, 1.0 - p.transfer_split]
-        return _Phase([mid, entry], shares, step.transfer_duration, supports)
+    def transfer(self, feet: FootPoses, step: Footstep) -> _Phase:
+        """The CoP moves to exit + mid_weight (entry - exit), then to the entry.
 
-    def swing(self, feet: FootPoses, step: walking.Footstep) -> _Phase:
-        """Returns the swing of `step`."""
-        support, p = step.side.other, self.params
-        ball, exit_ = (
-            self._cop(point, support, feet[support], step.pose)
-            for point in (p.ball, p.exit)
+        Args:
+            feet: soles in W as the transfer begins.
+            step: step after the transfer; its other foot receives the weight.
+
+        Returns:
+            Two segments.
+        """
+        p, trailing, leading = self.params, step.side, step.side.other
+        exit_ = self._cop(p.exit, trailing, feet[trailing], feet[leading])
+        entry = self._cop(p.entry, leading, feet[leading], feet[trailing])
+        return _Phase(
+            points=[exit_ + p.mid_weight * (entry - exit_), entry],
+            shares=[p.transfer_split, 1.0 - p.transfer_split],
+            duration=step.transfer_duration,
+            supports=[self._support(feet, *Side), self._support(feet, leading)],
         )
+
+    def swing(self, feet: FootPoses, step: Footstep) -> _Phase:
+        """The CoP moves to the ball, then to the exit, where it stays.
+
+        Args:
+            feet: soles in W as the swing begins.
+            step: step in the air.
+
+        Returns:
+            Three segments.
+        """
+        p, side = self.params, step.side.other
+        ball = self._cop(p.ball, side, feet[side], step.pose)
+        exit_ = self._cop(p.exit, side, feet[side], step.pose)
         shift, split = p.swing_shift_fraction, p.swing_split
-        shares = [shift * split, shift * (1.0 - split), 1.0 - shift]
-        points, supports = [ball, exit_, exit_], [self._support(feet, support)]
-        return _Phase(points, shares, step.swing_duration, 3 * supports)
+        return _Phase(
+            points=[ball, exit_, exit_],
+            shares=[shift * split, shift * (1.0 - split), 1.0 - shift],
+            duration=step.swing_duration,
+            supports=3 * [self._support(feet, side)],
+        )
 
     def final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
-        """Returns the shift to midway between the soles."""
-        left, right = (feet[s].to_world(self.centroid) for s in Side)
+        """The CoP moves to midway between the soles, where it stays.
+
+        Args:
+            feet: soles in W.
+            duration: duration of the transfer [s].
+
+        Returns:
+            Two segments, of which the first has a support.
+        """
+        left = feet.left.to_world(self.centroid)
+        right = feet.right.to_world(self.centroid)
         mid, split = 0.5 * (left + right), self.params.transfer_split
-        supports = [self._support(feet, *Side)]
-        return _Phase([mid, mid], [split, 1.0 - split], duration, supports)
+        return _Phase(
+            points=[mid, mid],
+            shares=[split, 1.0 - split],
+            duration=duration,
+            supports=[self._support(feet, *Side)],
+        )
 
     def _support(self, feet: FootPoses, *sides: Side) -> Array:
         """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
-        soles = [feet[side].to_world(self.inner) for side in sides]
-        return polygon.convex_hull(np.concatenate(soles))
+        return convex_hull(
+            np.concatenate([feet[side].to_world(self.inner) for side in sides])
+        )
 
     def _cop(
         self, point: CopPointParams, side: Side, foot: FootPose, other: FootPose
     ) -> Array:
-        length = self.step_length(foot, other)
-        return foot.to_world(self.cop_point(point, side, length))
+        return foot.to_world(
+            self.cop_point(point, side, self.step_length(foot, other))
+        )
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
-        """Returns the distance [m] from toe to toe by which `other` leads."""
+        """Measures the step from toe to toe.
+
+        Args:
+            foot: stance foot in W.
+            other: other foot in W.
+
+        Returns:
+            The distance by which `other` leads, along `foot` [m].
+        """
         c, s = math.cos(foot.yaw), math.sin(foot.yaw)
         x, y, _ = other.p_WF - foot.p_WF
         turn = other.yaw - foot.yaw
@@ -196,8 +308,19 @@ class Stance:
     def cop_point(
         self, params: CopPointParams, side: Side, step_length: float
     ) -> Array:
-        """Returns the CoP point (2,) [m] in the sole frame of `side`."""
-        x = params.step_length_factor * step_length
-        x = min(max(x, params.min_x), params.max_x)
+        """With x = clamp(step_length_factor * step_length, min_x, max_x).
+
+        Args:
+            params: offsets of the point.
+            side: foot that it is in.
+            step_length: distance by which the other foot leads [m].
+
+        Returns:
+            The point (2,) in the sole frame, within the margin [m].
+        """
+        x = min(
+            max(params.step_length_factor * step_length, params.min_x),
+            params.max_x,
+        )
         offset = np.array([x, -side.sign * params.offset_inside])
-        return polygon.project(self.centroid + offset, self.inner)
+        return project(self.centroid + offset, self.inner)

@@ -17,7 +17,14 @@ from nadia_balance.core.plan.cop_waypoints import (
     IcpPlanParams,
     cop_waypoints,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    Footstep,
+    Immutable,
+    Phase,
+    ReferencePoint,
+    WalkingState,
+)
 
 _SWEEPS = 10  # projection sweeps over the shifted waypoints
 _LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]
@@ -27,9 +34,15 @@ _SAMPLES = 65  # samples of the ICP in a phase
 
 
 def rows_at(t: float, duration: float, omega: float) -> Array:
-    """Returns the rows (3, 6) that map c0..c5 to CoM, ICP and eCMP at `t` [s].
+    """(CoM, ICP, eCMP) = rows c, with c = (c0, ..., c5) (Nadia paper, Eq. 4).
 
-    Nadia paper, Eq. 4.
+    Args:
+        t: time since the segment began [s].
+        duration: duration of the segment [s].
+        omega: natural frequency [rad/s].
+
+    Returns:
+        The rows (3, 6).
     """
     u = 1.0 / omega
     grow, decay = math.exp(omega * (t - duration)), math.exp(-omega * t)
@@ -51,7 +64,7 @@ def solve_segments(
     omega: float,
     ecmp_velocity: Array | None = None,
 ) -> Array:
-    """Returns the coefficients (N, 6, k) of N segments with a cubic eCMP.
+    """The coefficients of N segments with a cubic eCMP (Nadia paper, Eq. 4).
 
     They meet the 6N conditions below Eq. 4 of the Nadia paper: the eCMP and
     its velocity at both ends of each segment, the CoM and its velocity
@@ -60,16 +73,27 @@ def solve_segments(
     eCMP's cubic, the ICP gives c0 from the last segment to the first, and then
     the CoM gives c1 from the first to the last.
 
-    `durations` (N,) [s] are positive, `ecmp` and `ecmp_velocity` (2, N, k) [m],
-    [m/s] those at the start and at the end of each segment (None: straight
-    lines), `com_start` and `icp_end` (k,) [m]; `omega` [rad/s].
+    Args:
+        durations: positive durations (N,) [s].
+        ecmp: eCMPs (2, N, k) at the start and the end of each segment [m].
+        com_start: CoM (k,) at the start of the first segment [m].
+        icp_end: ICP (k,) at the end of the last segment [m].
+        omega: natural frequency [rad/s].
+        ecmp_velocity: velocities (2, N, k) of `ecmp` [m/s]; None: straight
+            lines.
+
+    Returns:
+        The coefficients c0 to c5 (N, 6, k).
     """
-    (start, end), T, u = ecmp, durations[:, None], 1.0 / omega
+    start, end = ecmp
+    T, u = durations[:, None], 1.0 / omega
     decay, mean = np.exp(-omega * T), (end - start) / T
     v0, v1 = (mean, mean) if ecmp_velocity is None else ecmp_velocity
-    more0, more1 = v0 - mean, v1 - mean
-    c2, c3 = (more0 + more1) / T**2, -(2.0 * more0 + more1) / T
-    c4, c5 = v0 + 6.0 * u * u * c2, start + 2.0 * u * u * c3
+    excess0, excess1 = v0 - mean, v1 - mean
+    c2 = (excess0 + excess1) / T**2
+    c3 = -(2.0 * excess0 + excess1) / T
+    c4 = v0 + 6.0 * u * u * c2
+    c5 = start + 2.0 * u * u * c3
     # CoM and velocity without the exponentials, at the end of the segments.
     com_T = ((c2 * T + c3) * T + c4) * T + c5
     velocity_T = (3.0 * c2 * T + 2.0 * c3) * T + c4
@@ -100,13 +124,20 @@ def _chain(first: Array, offsets: Array, factors: Array) -> Array:
 
 
 def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
-    """Returns the multipliers (N + 1,) of the eCMP waypoints at the `knots`.
+    """ICP(t) = sum of multiplier_i eCMP_i (Atlas paper, Eq. 14, Algorithm 1).
 
-    ICP(t) = sum of multiplier_i eCMP_i, for an eCMP that is piecewise linear
-    between the waypoints and rests at the last one, where the ICP ends: Atlas
-    paper, Eq. 14 and Algorithm 1, in which the CMP jumps between heel and toe
-    instead.  Multipliers are >= 0, those of passed waypoints 0, and add up to
-    1.  `knots` (N + 1,) [s] increase; t [s], `omega` [rad/s].
+    The eCMP is piecewise linear between the waypoints and rests at the last
+    one, where the ICP ends; in Algorithm 1 the CMP jumps between heel and toe
+    instead.
+
+    Args:
+        knots: increasing times (N + 1,) of the waypoints eCMP_i [s].
+        t: time of the ICP [s].
+        omega: natural frequency [rad/s].
+
+    Returns:
+        The multipliers (N + 1,): they are >= 0, those of passed waypoints 0,
+        and add up to 1.
     """
     begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
     passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
@@ -138,13 +169,17 @@ class IcpReference:
     cop: Array
     ecmp: Array
 
-    def point(self) -> walking.ReferencePoint:
-        """Returns the start point of a plan that continues from here."""
-        return walking.ReferencePoint(self.com, self.com_velocity, self.cop)
+    def point(self) -> ReferencePoint:
+        """Converts to the start of a plan that continues from here.
+
+        Returns:
+            CoM, its velocity and CoP, in W.
+        """
+        return ReferencePoint(self.com, self.com_velocity, self.cop)
 
 
 @dataclass(frozen=True, eq=False)
-class IcpPlan(walking.Immutable):
+class IcpPlan(Immutable):
     """The reference motion from the start of the present phase on, in W.
 
     `duration` [s] is that of the present phase (infinite when standing).  N
@@ -165,8 +200,13 @@ class IcpPlan(walking.Immutable):
     FOLLOWS_STEPS: ClassVar[bool] = False  # by itself, from the same start
 
     def __post_init__(self) -> None:
-        for name in ("knots", "cop_waypoints", "coefficients", "offset"):
-            getattr(self, name).flags.writeable = False
+        for array in (
+            self.knots,
+            self.cop_waypoints,
+            self.coefficients,
+            self.offset,
+        ):
+            array.flags.writeable = False
 
     @cached_property
     def _knots(self) -> list[float]:
@@ -176,8 +216,8 @@ class IcpPlan(walking.Immutable):
     def path(self) -> tuple[Array, Array]:
         """Sampled times (n,) [s] and ICPs (n, 2) [m] of the present phase."""
         knots, w = self.knots, self.omega
-        end = min(self.duration, self._knots[-1])
-        times = np.linspace(knots[0], max(end, knots[0]), _SAMPLES)
+        end = max(min(self.duration, self._knots[-1]), knots[0])
+        times = np.linspace(knots[0], end, _SAMPLES)
         i = np.searchsorted(knots[1:-1], times, side="right")
         t = (times - knots[i])[:, None]
         c0, _, c2, c3, c4, c5 = self.coefficients[i].transpose(1, 0, 2)
@@ -188,27 +228,40 @@ class IcpPlan(walking.Immutable):
         return times, icp
 
     def time_to(self, icp: Array, t: float) -> float:
-        """Returns the time [s] from `t` until the plan is closest to `icp`.
+        """Minimise |icp_r(t + dt) - icp| over dt >= 0 (Nadia paper, Eq. 15).
 
-        Nadia paper, Eq. 15, on chords of 1/64 of this phase; `icp` (2,) in W.
+        The plan is taken as chords of 1/64 of this phase.
+
+        Args:
+            icp: measured ICP (2,) in W [m].
+            t: time since the phase began [s].
+
+        Returns:
+            The time dt until the plan is closest to `icp` [s].
         """
         times, path = self.path
         after = int(np.searchsorted(times, t, side="right"))
         times = np.append(t, times[after:])
         path = np.vstack([self.at(t).icp, path[after:]])
-        ways, offsets = np.diff(path, axis=0), icp - path
-        lengths2 = np.einsum("ij,ij->i", ways, ways)
-        along = np.einsum("ij,ij->i", offsets[:-1], ways)
+        chords, offsets = np.diff(path, axis=0), icp - path[:-1]
+        lengths2 = np.einsum("ij,ij->i", chords, chords)
+        along = np.einsum("ij,ij->i", offsets, chords)
         shares = np.clip(along / np.maximum(lengths2, _TINY), 0.0, 1.0)
-        gaps = offsets[:-1] - shares[:, None] * ways
+        gaps = offsets - shares[:, None] * chords
         if not len(gaps):
             return 0.0
         k = int(np.argmin(np.einsum("ij,ij->i", gaps, gaps)))
-        later = times[k] + shares[k] * (times[k + 1] - times[k])
-        return float(later - t)
+        return float(times[k] + shares[k] * (times[k + 1] - times[k]) - t)
 
     def rows(self, t: float) -> tuple[int, Array]:
-        """Returns the segment at `t` [s], and `rows_at` there."""
+        """Finds the segment at a time.
+
+        Args:
+            t: time since the phase began [s].
+
+        Returns:
+            The number of the segment, and `rows_at` there (3, 6).
+        """
         knots = self._knots
         i = min(max(bisect_right(knots, t), 1), len(knots) - 1) - 1
         duration = knots[i + 1] - knots[i]
@@ -216,7 +269,14 @@ class IcpPlan(walking.Immutable):
         return i, rows_at(t, duration, self.omega)
 
     def at(self, t: float) -> IcpReference:
-        """Returns the reference at `t` [s]; held before and after the plan."""
+        """The solution of Eq. 4 at a time; held before and after the plan.
+
+        Args:
+            t: time since the phase began [s].
+
+        Returns:
+            The reference in W.
+        """
         first, w = self._knots[0], self.omega
         t = min(max(t, first), self._knots[-1])
         i, rows = self.rows(t)
@@ -225,63 +285,102 @@ class IcpPlan(walking.Immutable):
         fading = math.exp(-wt) * self.offset
         icp, com = icp + fading, com + wt * fading
         return IcpReference(
-            icp, velocity - w * fading, com, w * (icp - com), ecmp, ecmp
+            icp,
+            icp_velocity=velocity - w * fading,
+            com=com,
+            com_velocity=w * (icp - com),
+            cop=ecmp,
+            ecmp=ecmp,
         )
 
     def moved(
         self,
-        schedule: walking.ContactSchedule,
-        steps: tuple[walking.Footstep, ...],
+        schedule: ContactSchedule,
+        steps: tuple[Footstep, ...],
         t: float,
         icp: Array,
         model: PointMassModel,
-    ) -> walking.ContactSchedule:
-        """Returns the `schedule` of this plan with other `steps`, from `t` on.
+    ) -> ContactSchedule:
+        """The reference ICP moves by part of Gamma dr (Atlas paper, Eq. 18).
 
-        The reference ICP moves by part of Gamma dr (Atlas paper, Eq. 18), its
-        shift for a foothold shift dr: as far as it comes closer to the measured
-        `icp` (2,) [m] in W.  From `t` [s] on, the eCMP waypoints are shifted
-        for the rest, so that neither eCMP nor CoM jumps.  (Shifted from the
-        start of the phase on, they would leave the soles by up to 0.3 m.)
+        Gamma dr is its shift for a foothold shift dr; the part is as far as it
+        comes closer to the measured ICP.  From `t` on, the eCMP waypoints are
+        shifted for the rest, so that neither eCMP nor CoM jumps.  (Shifted from
+        the start of the phase on, they would leave the soles by up to 0.3 m.)
+
+        Args:
+            schedule: schedule of this plan.
+            steps: footsteps in the place of its own.
+            t: time since the phase began [s].
+            icp: measured ICP (2,) in W [m].
+            model: soles and natural frequency.
+
+        Returns:
+            The schedule with other `steps`, which starts at `t`.
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
         if self.FOLLOWS_STEPS:
             return new
-        sole, w = model.cop_area, model.omega
-        paths = [cop_waypoints(s, self.cop, sole) for s in (schedule, new)]
-        before, after = (
-            recursive_multipliers(p.knots, t, w) @ p.points for p in paths
+        before = self._planned_icp(schedule, t, model)
+        shift = self._planned_icp(new, t, model) - before
+        length2 = float(shift @ shift)
+        along = float((icp - now.icp) @ shift)
+        part = min(max(along, 0.0), length2) / max(length2, _TINY)
+        velocity = now.com_velocity + model.omega * part * shift
+        return replace(
+            new, start=ReferencePoint(now.com, velocity, now.cop), start_time=t
         )
-        way, error = after - before, icp - now.icp
-        length2 = float(way @ way)
-        part = min(max(float(error @ way), 0.0), length2) / max(length2, _TINY)
-        velocity = now.com_velocity + w * part * way
-        start = walking.ReferencePoint(now.com, velocity, now.cop)
-        return replace(new, start=start, start_time=t)
+
+    def _planned_icp(
+        self, schedule: ContactSchedule, t: float, model: PointMassModel
+    ) -> Array:
+        """Returns the ICP (2,) [m] at `t` [s] that leads through `schedule`."""
+        path = cop_waypoints(schedule, self.cop, model.cop_area)
+        return np.asarray(
+            recursive_multipliers(path.knots, t, model.omega) @ path.points
+        )
 
 
 def plan_icp(
-    schedule: walking.ContactSchedule,
-    params: IcpPlanParams,
-    model: PointMassModel,
+    schedule: ContactSchedule, params: IcpPlanParams, model: PointMassModel
 ) -> IcpPlan:
-    """Returns the plan of the present phase and of the footsteps after it.
+    """Solves Eq. 4 of the Nadia paper for linear CoP segments.
 
-    The plan solves Eq. 4 of the Nadia paper for linear CoP segments.  It starts
-    with the CoM, CoP and ICP of schedule.start and ends at rest midway.
+    The plan of the present phase and of the footsteps after it starts with the
+    CoM, CoP and ICP of schedule.start and ends at rest midway.
     Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
     so that the reference ICP would jump whenever a new plan takes over.
 
-    Raises ValueError: a swing without a footstep, or a sole within the margin.
+    Args:
+        schedule: present phase, feet and footsteps.
+        params: CoP points, and their shares of the phases.
+        model: soles and natural frequency.
+
+    Returns:
+        The plan, in W.
+
+    Raises:
+        ValueError: a swing without a footstep, or a sole within the margin.
     """
     omega, start = model.omega, schedule.start
     path = cop_waypoints(schedule, params, model.cop_area)
-    icp_start = icp(start.com, start.com_velocity, omega)
-    ecmp, offset = _bent(path, icp_start, omega)
-    ends = np.stack([ecmp[:-1], ecmp[1:]])
-    pieces = solve_segments(path.durations, ends, start.com, ecmp[-1], omega)
-    waypoints = path.knots, path.points
-    return IcpPlan(omega, schedule.duration, *waypoints, pieces, offset, params)
+    ecmp, offset = _bent(path, icp(start.com, start.com_velocity, omega), omega)
+    coefficients = solve_segments(
+        path.durations,
+        ecmp=np.stack([ecmp[:-1], ecmp[1:]]),
+        com_start=start.com,
+        icp_end=ecmp[-1],
+        omega=omega,
+    )
+    return IcpPlan(
+        omega=omega,
+        duration=schedule.duration,
+        knots=path.knots,
+        cop_waypoints=path.points,
+        coefficients=coefficients,
+        offset=offset,
+        cop=params,
+    )
 
 
 def _bent(
@@ -312,17 +411,24 @@ def _bent(
     return ecmp, left
 
 
-def reference_of(plan: IcpPlan, state: walking.WalkingState) -> IcpReference:
-    """Returns the reference at the walking state's time in the phase.
+def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:
+    """The plan at the walking state's time in the phase.
 
     Only a moved foothold makes the ICP jump (`IcpPlan.moved`).  While waiting,
     the ICP is held at zero velocity: in a swing with the eCMP at the end of the
     plan, on two feet with the eCMP at the ICP.  The CoM state is kept, so that
     the next plan starts with the same ICP.
+
+    Args:
+        plan: ICP plan of the schedule of `state`.
+        state: walking state.
+
+    Returns:
+        The reference in W.
     """
     reference = plan.at(min(state.time_in_phase, plan.duration))
     if not state.waiting:
         return reference
-    swings = state.schedule.phase is walking.Phase.SWING
+    swings = state.schedule.phase is Phase.SWING
     ecmp = reference.ecmp if swings else reference.icp
     return replace(reference, icp_velocity=np.zeros(2), cop=ecmp, ecmp=ecmp)

@@ -12,45 +12,97 @@ from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import contains, project
 from nadia_balance.core.plan.icp_plan import IcpPlan, IcpReference
-from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.mechanisms import Mechanisms
-from nadia_balance.core.walking.state import FootPose, Phase, WalkingState
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.walking.state import (
+    FootPose,
+    FootPoses,
+    Phase,
+    WalkingState,
+    support_polygon,
+)
+from nadia_balance.parameters.bounds import bounded, parameters
 
 _TIMES_TRIED = 16
 _NOTHING = 1e-9  # rounding of the clock [s]
 
 
-@dataclass(kw_only=True)
+@parameters
 class TimingAdapterParams:
-    """Gains, thresholds and limits of the timing adaptation."""
+    """Gains, thresholds and limits of the timing adaptation.
 
-    # Time constants with which the clock catches up with an ICP ahead of the
-    # plan; 0: in one tick.  The paper's gamma is the share per tick T,
-    # 1 - e^(-T / time constant): for T = 2 ms, 0.1 in swing and 0.4 in
-    # transfer.  With 0 some pushes end in falls: the clock cannot go back.
-    swing_time_constant: float = bounded(0.01898, least=0.0, unit="s")
-    transfer_time_constant: float = bounded(0.003915, least=0.0, unit="s")
-    # Below this ICP error the clock is not adjusted, and no ICP is leaving.
-    icp_error_threshold: float = bounded(0.03, least=0.0, unit="m")
-    min_swing_duration: float = bounded(0.25, above=0.0, unit="s")
-    min_transfer_duration: float = bounded(0.03, above=0.0, unit="s")
-    # Lower bound on the remaining swing time, see `least_rest_of_swing`.
-    min_remaining_swing: float = bounded(0.08, least=0.0, unit="s")
-    # Within this distance of the foothold the clock is not held: a tracking
-    # error of the swing foot must not keep the foot in the air.
-    near_foothold: float = bounded(0.08, least=0.0, unit="m")
-    # Lateness of the swing foot for which the clock is not held.
-    tolerated_delay: float = bounded(0.03, least=0.0, unit="s")
-    max_speed_up: float = bounded(3.0, least=1.0)
-    # Distance from the edge of the support within which eCMPs are infeasible.
-    support_margin: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
+    The paper's gamma is the share per tick T, 1 - e^(-T / time constant): for
+    T = 2 ms, 0.1 in swing and 0.4 in transfer.  With time constants of 0 some
+    pushes end in falls: the clock cannot go back.
+    """
+
+    swing_time_constant: float = bounded(
+        0.01898,
+        doc="time constant with which the clock of a swing catches up with an "
+        "ICP ahead of the plan; 0: in one tick",
+        least=0.0,
+        unit="s",
+    )
+    transfer_time_constant: float = bounded(
+        0.003915, doc="the same, of a transfer", least=0.0, unit="s"
+    )
+    icp_error_threshold: float = bounded(
+        0.03,
+        doc="ICP error below which the clock is not adjusted, and no ICP is "
+        "leaving",
+        least=0.0,
+        unit="m",
+    )
+    min_swing_duration: float = bounded(
+        0.25, doc="least duration of a swing", above=0.0, unit="s"
+    )
+    min_transfer_duration: float = bounded(
+        0.03, doc="least duration of a transfer", above=0.0, unit="s"
+    )
+    min_remaining_swing: float = bounded(
+        0.08,
+        doc="lower bound on the remaining swing time, see "
+        "`least_rest_of_swing`",
+        least=0.0,
+        unit="s",
+    )
+    near_foothold: float = bounded(
+        0.08,
+        doc="distance of the swing foot from its foothold within which the "
+        "clock is not held: its tracking error must not keep it in the air",
+        least=0.0,
+        unit="m",
+    )
+    tolerated_delay: float = bounded(
+        0.03,
+        doc="lateness of the swing foot for which the clock is not held",
+        least=0.0,
+        unit="s",
+    )
+    max_speed_up: float = bounded(
+        3.0,
+        doc="sigma: upper bound on the speed-up of the rest of a swing",
+        least=1.0,
+    )
+    support_margin: float = bounded(
+        0.02,
+        doc="distance from the edge of the support within which eCMPs are "
+        "infeasible",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
 
     def least_rest_of_swing(self, duration: float, elapsed: float) -> float:
-        """Least rest [s] of a swing of `duration` [s] after `elapsed` [s].
+        """The rest of the foot's motion is sped up by sigma (Atlas, Eq. 13).
 
-        The rest of the foot's motion is sped up by sigma (Atlas paper, Eq. 13).
         Erratum: as printed, sigma has no upper bound.
+
+        Args:
+            duration: planned duration of the swing [s].
+            elapsed: time since lift-off [s].
+
+        Returns:
+            The least rest of the swing [s].
         """
         return max(
             self.min_swing_duration - elapsed,
@@ -60,10 +112,14 @@ class TimingAdapterParams:
 
 
 def gamma(time_constant: float, period: float) -> float:
-    """Returns gamma = 1 - e^(-period / time_constant) of the Nadia paper.
+    """Gamma = 1 - e^(-period / time_constant) (Nadia paper, Sec. VI).
 
-    It is the share per tick of `period` [s] of an error, of which 1/e is left
-    after the `time_constant` [s]; 1 for a time constant of 0.
+    Args:
+        time_constant: time after which 1/e of an error is left [s].
+        period: control period [s].
+
+    Returns:
+        The share of the error per tick [-]; 1 for a time constant of 0.
     """
     return -math.expm1(-period / time_constant) if time_constant else 1.0
 
@@ -73,16 +129,24 @@ def is_leaving(
 ) -> bool:
     """True if no feasible eCMP stops the ICP from diverging from its reference.
 
-    This holds if the ICP is outside the polygon `support` (n, 2), its error
-    points outward, and the eCMP that would keep the error constant (K = 1 in
-    the Nadia paper, Eq. 6) is not `margin` [m] inside the support.  An `icp`
-    (2,) [m] that only lags behind on its way to the next foot does not leave.
+    This holds if the ICP is outside the support, its error points outward, and
+    the eCMP that would keep the error constant (K = 1 in the Nadia paper, Eq.
+    6) is not `margin` inside the support.  An ICP that only lags behind on its
+    way to the next foot does not leave.
+
+    Args:
+        icp: measured ICP (2,) in W [m].
+        reference: ICP and eCMP of the plan in W.
+        support: support polygon (n, 2) in W [m].
+        margin: distance from its edge [m].
+
+    Returns:
+        False for an ICP within the support.
     """
     error = icp - reference.icp
     if contains(reference.ecmp + error, support, -margin):
         return False
-    outward = icp - project(icp, support)
-    return bool(outward @ error > 0.0)
+    return bool((icp - project(icp, support)) @ error > 0.0)
 
 
 class TimeAdjustment(NamedTuple):
@@ -97,7 +161,13 @@ NO_ADJUSTMENT = TimeAdjustment(0.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """The timing adaptation of a robot, once per `period` [s]."""
+    """The timing adaptation of a robot.
+
+    Args:
+        params: gains, thresholds and limits.
+        model: soles, swing foot and natural frequency.
+        period: control period [s].
+    """
 
     params: TimingAdapterParams
     model: PointMassModel
@@ -108,15 +178,25 @@ class Timing:
         state: WalkingState,
         plan: IcpPlan,
         icp: Array,
-        feet: walking.FootPoses,
+        feet: FootPoses,
         on: Mechanisms,
     ) -> TimeAdjustment:
-        """Returns the time by which to advance the clock; negative: hold it.
+        """The advance is gamma times the time ahead (Nadia paper, Eq. 15).
 
-        The advance is gamma times the time by which the measured `icp` (2,) [m]
-        is ahead of the plan (Nadia paper, Eq. 15), or all the time left if the
-        ICP then is still leaving the support (`is_leaving`).  The remaining
-        time has lower bounds.  `feet` are the measured soles.
+        The measured ICP is ahead of the plan by that time.  The advance is all
+        the time left if the ICP then is still leaving the support
+        (`is_leaving`).  The remaining time has lower bounds; the clock is held
+        if the foot is late.
+
+        Args:
+            state: walking state.
+            plan: ICP plan of its schedule.
+            icp: measured ICP (2,) in W [m].
+            feet: measured soles in W.
+            on: mechanisms, of which `swing` and `transfer` count.
+
+        Returns:
+            The time by which to advance the clock.
         """
         if state.waiting or not state.schedule.footsteps:
             return NO_ADJUSTMENT
@@ -132,78 +212,103 @@ class Timing:
         least = params.min_transfer_duration - state.elapsed
         if swings and (hurried or abs(state.gained_time) > _NOTHING):
             foot = feet[state.schedule.support_side.other]
-            if (late := self.time_to_return(state, foot)) > 0.0:
+            late = self.time_to_return(state, foot)
+            if late > 0.0:
                 return TimeAdjustment(-late, -late)
             least = self.least_remaining_time(state, foot, error)
-        most = state.remaining_time - max(least, 0.0)
-        if not hurried or most <= 0.0:
+        available = state.remaining_time - max(least, 0.0)
+        if not hurried or available <= 0.0:
             return NO_ADJUSTMENT
-        return self._advance(state, plan, icp, most, time_constant)
+        return self._advance(
+            state, plan, icp, available=available, time_constant=time_constant
+        )
 
     def _advance(
         self,
         state: WalkingState,
         plan: IcpPlan,
         icp: Array,
-        most: float,
+        available: float,
         time_constant: float,
     ) -> TimeAdjustment:
-        """Returns the advance of the clock, up to `most` [s]."""
+        """Returns the advance of the clock, up to the `available` time [s]."""
         ahead = plan.time_to(icp, state.time_in_phase)
         future = plan.at(state.time_in_phase + ahead)
-        support = walking.support_polygon(state.schedule, self.model.cop_area)
         error = math.dist(icp, future.icp)
         if error >= self.params.icp_error_threshold and is_leaving(
-            icp, future, support, self.params.support_margin
+            icp,
+            reference=future,
+            support=support_polygon(state.schedule, self.model.cop_area),
+            margin=self.params.support_margin,
         ):
-            return TimeAdjustment(most, most)
-        now = gamma(time_constant, self.period) * ahead
-        return TimeAdjustment(min(now, most), min(ahead, most))
+            return TimeAdjustment(available, available)
+        return TimeAdjustment(
+            now=min(gamma(time_constant, self.period) * ahead, available),
+            in_all=min(ahead, available),
+        )
 
     def least_remaining_time(
         self, state: WalkingState, foot: FootPose, error: Array
     ) -> float:
-        """Returns the lower bound [s] on the remaining swing time by the clock.
+        """The least time t in which the foot reaches its foothold, moved.
 
-        The bound is the maximum of `least_rest_of_swing` and of the time that
-        the foot, now at its measured pose `foot`, needs to its foothold; beyond
-        it, the least time t in which the foot reaches the foothold moved by the
-        ICP `error` (2,) [m], which grows by e^wt.  If the foot cannot reach
-        that within the remaining time, the first bound is returned.
+        The foothold moves by the ICP error, which grows by e^wt.  At least, t
+        is `least_rest_of_swing` and the time to the foothold as it is.
+
+        Args:
+            state: walking state in a swing.
+            foot: measured sole of the swing foot in W.
+            error: ICP error (2,) in W [m].
+
+        Returns:
+            The lower bound on the remaining swing time by the clock [s]; that
+            of the foothold as it is if the foot cannot reach the moved one
+            within the remaining time.
         """
         step, detour = state.schedule.footsteps[0], self.model.detour
-        duration = state.schedule.duration
         least = max(
-            self.params.least_rest_of_swing(duration, state.elapsed),
+            self.params.least_rest_of_swing(
+                state.schedule.duration, state.elapsed
+            ),
             self._time_to_foothold(state, foot),
         )
-        nominal = (state.adjustment.nominal if state.adjustment else step).pose
-        x, y = nominal.p_WF[:2] - foot.p_WF[:2]
-        more = max(state.remaining_time - least, 0.0)
+        nominal = state.adjustment.nominal if state.adjustment else step
+        x, y = nominal.pose.p_WF[:2] - foot.p_WF[:2]
+        room = max(state.remaining_time - least, 0.0)
         for i in range(_TIMES_TRIED):
-            t = least + i / _TIMES_TRIED * more
+            t = least + i / _TIMES_TRIED * room
             growth = math.exp(self.model.omega * t)
-            way = math.hypot(x + growth * error[0], y + growth * error[1])
-            if detour.time_from_rest(way) <= t:
+            length = math.hypot(x + growth * error[0], y + growth * error[1])
+            if detour.time_from_rest(length) <= t:
                 return t
         return least
 
     def time_to_return(self, state: WalkingState, foot: FootPose) -> float:
-        """Returns the time [s] >= 0 for which the clock must be held.
+        """The time for which the clock must be held until the foot is back.
 
-        The foothold may have moved away from the foot, now at its measured pose
-        `foot`, since the clock was advanced.  The result is at most the
-        `gained_time`, and the time by which the swing may be prolonged.
+        The foothold may have moved away from the foot since the clock was
+        advanced.  It is held for no longer than the `gained_time` and the time
+        by which the swing may be prolonged.
+
+        Args:
+            state: walking state in a swing.
+            foot: measured sole of the swing foot in W.
+
+        Returns:
+            The time >= 0 [s].
         """
         goal = state.schedule.footsteps[0].pose.p_WF
         if math.dist(foot.p_WF[:2], goal[:2]) < self.params.near_foothold:
             return 0.0
-        needed = UNDER_WAY * self._time_to_foothold(state, foot)
-        late = needed - self.params.tolerated_delay - state.remaining_time
-        most = state.gained_time
+        late = (
+            UNDER_WAY * self._time_to_foothold(state, foot)
+            - self.params.tolerated_delay
+            - state.remaining_time
+        )
+        limit = state.gained_time
         if state.adjustment:
-            most += state.adjustment.prolonged
-        return max(min(late, most), 0.0)
+            limit += state.adjustment.prolonged
+        return max(min(late, limit), 0.0)
 
     def _time_to_foothold(self, state: WalkingState, foot: FootPose) -> float:
         """Returns the time [s] from rest at `foot` to landing at the foothold.
@@ -213,7 +318,12 @@ class Timing:
         """
         schedule, detour = state.schedule, self.model.detour
         side, goal = schedule.support_side, schedule.footsteps[0].pose.p_WF
-        way = foot.p_WF[:2], goal[:2], schedule.feet[side], side.other
         brink = min(foot.p_WF[2], schedule.feet[side.other].p_WF[2])
         descent = float(brink - goal[2]) / detour.max_descent
-        return detour.time_of_way(*way) + max(descent - detour.settling, 0.0)
+        time = detour.time_of_way(
+            foot.p_WF[:2],
+            goal=goal[:2],
+            stance=schedule.feet[side],
+            swing=side.other,
+        )
+        return time + max(descent - detour.settling, 0.0)

@@ -9,12 +9,15 @@ from hypothesis import strategies as st
 
 from nadia_balance.core.feedback import icp_step_qp
 from nadia_balance.core.math.polygon import contains, shrink
-from nadia_balance.core.plan import walking_state_machine as machine
 from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,
 )
 from nadia_balance.core.plan.icp_plan import reference_of
+from nadia_balance.core.plan.walking_state_machine import (
+    StateMachine,
+    WalkingStateMachineParams,
+)
 from nadia_balance.core.walking.state import (
     FootPose,
     Phase,
@@ -41,10 +44,14 @@ def feedback(state, icp, params=PARAMS, on=True, qp=None):
 
 def next_tick(state, adjustment):
     """The walking state that the state machine makes of it."""
-    params, plan = machine.WalkingStateMachineParams(), plan_of(state)
-    measured = state.schedule.feet, np.ones(2), np.zeros(2)
-    return machine.StateMachine(params, MODEL, 1e-9).advance(
-        state, plan, *measured, adjustment=adjustment
+    machine = StateMachine(WalkingStateMachineParams(), MODEL, 1e-9)
+    return machine.advance(
+        state,
+        plan_of(state),
+        feet=state.schedule.feet,
+        forces=np.ones(2),
+        icp=np.zeros(2),
+        adjustment=adjustment,
     )
 
 
@@ -69,14 +76,14 @@ def test_the_plan_that_is_optimised_is_executed(num_steps, walk, share, seed):
     state = WalkingState(walk, time, time)
     for _ in range(2):
         icp = reference_icp(state) + rng.uniform(-0.2, 0.2, 2)
-        found = feedback(state, icp, params)
-        assert found.result.solved
-        taken = next_tick(state, found.adjustment)
+        output = feedback(state, icp, params)
+        assert output.result.solved
+        taken = next_tick(state, output.adjustment)
         then = replace(state, schedule=taken.schedule)
         now = reference_of(plan_of(taken), then)
         for name in "icp", "icp_velocity", "cop", "ecmp":
             expected = pytest.approx(getattr(now, name), abs=1e-9)
-            assert getattr(found.reference, name) == expected
+            assert getattr(output.reference, name) == expected
         state = replace(taken, time_in_phase=time)
 
 
@@ -84,14 +91,14 @@ def test_delta_is_that_of_the_qp():
     """Oracle: Eq. 19, and the sole's edge: what is left over is nothing."""
     state = in_swing(length=0.0)
     icp = reference_icp(state) + [0.1, 0.0]
-    found = feedback(state, icp)
-    delta = found.ecmp - found.reference.ecmp
-    left = icp - found.reference.icp - delta / GAIN
+    output = feedback(state, icp)
+    delta = output.ecmp - output.reference.ecmp
+    left = icp - output.reference.icp - delta / GAIN
     assert np.abs(left).max() < 1e-3
     sole = support_polygon(state.schedule, MODEL.sole)
-    assert found.ecmp[0] == pytest.approx(0.12)
-    assert contains(found.ecmp, shrink(sole, 0.005), 1e-9)
-    assert found.adjustment.pose.p_WF[0] > 0.2
+    assert output.ecmp[0] == pytest.approx(0.12)
+    assert contains(output.ecmp, shrink(sole, 0.005), 1e-9)
+    assert output.adjustment.pose.p_WF[0] > 0.2
 
 
 def test_the_shift_counts_from_the_nominal_foothold_beyond_the_dead_band():
@@ -104,14 +111,14 @@ def test_the_shift_counts_from_the_nominal_foothold_beyond_the_dead_band():
     first = feedback(state, icp).adjustment
     moved = replace(next_tick(state, first), time_in_phase=MIDDLE)
     again, near, far = (
-        feedback(moved, icp + [gamma * way * PARAMS.dead_band, 0.0]).adjustment
-        for way in (0.0, 0.5, 2.0)
+        feedback(moved, icp + [gamma * move * PARAMS.dead_band, 0.0]).adjustment
+        for move in (0.0, 0.5, 2.0)
     )
     assert again.pose is near.pose is first.pose
     assert again.nominal.pose is planned
     assert feedback(moved, straight).adjustment.pose is planned
-    way = far.pose.p_WF[0] - first.pose.p_WF[0]
-    assert way == pytest.approx(2.0 * PARAMS.dead_band, rel=0.02)
+    move = far.pose.p_WF[0] - first.pose.p_WF[0]
+    assert move == pytest.approx(2.0 * PARAMS.dead_band, rel=0.02)
 
 
 def test_without_a_solution_no_foothold_moves():
@@ -120,17 +127,17 @@ def test_without_a_solution_no_foothold_moves():
     icp = reference_icp(state) + [0.1, 0.05]
 
     class Unsolved(icp_step_qp.IcpStepQp):
-        def solve(self, *arguments):
-            shifts, result = super().solve(*arguments)
+        def solve(self, *arguments, **named):
+            shifts, result = super().solve(*arguments, **named)
             return shifts, result._replace(solved=False)
 
-    found = feedback(state, icp, qp=Unsolved(PARAMS))
+    output = feedback(state, icp, qp=Unsolved(PARAMS))
     alone = feedback(state, icp, on=False)
-    assert not found.result.solved
+    assert not output.result.solved
     assert alone.result.solved
     assert alone.adjustment is None
-    assert found.adjustment.pose is state.schedule.footsteps[0].pose
-    assert found.ecmp.tolist() == alone.ecmp.tolist()
+    assert output.adjustment.pose is state.schedule.footsteps[0].pose
+    assert output.ecmp.tolist() == alone.ecmp.tolist()
 
 
 @pytest.mark.parametrize("side", Side)
@@ -147,16 +154,16 @@ def test_each_foothold_is_within_reach_of_the_one_before(side):
     assert np.sum(inside) > 100
     for shift in shifts[inside].reshape(-1, 2, 2):
         foot = stance
-        for step, way in zip((first, second), shift, strict=True):
-            landed = step.pose.p_WF + [*way, 0.0]
+        for step, move in zip((first, second), shift, strict=True):
+            landed = step.pose.p_WF + [*move, 0.0]
             x, y = foot.to_sole(landed[None, :2])[0]
             assert MODEL.reach.in_base_region(x, step.side.sign * y)
             assert step.side.sign * y >= 0.12 + 0.01
             foot = FootPose(landed, step.pose.yaw)
     # Nothing that is within is left out: a vertex of the reach, either side.
     for vertex in reach * [1.0, side.sign]:
-        way = stance.to_world(vertex[None])[0] - first.pose.p_WF[:2]
-        assert (A[: len(reach), :2] @ way <= b[: len(reach)] + 1e-9).all()
+        move = stance.to_world(vertex[None])[0] - first.pose.p_WF[:2]
+        assert (A[: len(reach), :2] @ move <= b[: len(reach)] + 1e-9).all()
 
 
 @pytest.mark.parametrize(

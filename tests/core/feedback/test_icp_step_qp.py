@@ -85,10 +85,10 @@ def solve(problem, params):
 def test_finds_what_another_solver_finds(seed):
     """Oracle: quadprog; a solver of four steps, of which 1 to 4 are used."""
     problem, params = case(seed)
-    found, result = solve(problem, params)
+    shifts, result = solve(problem, params)
     assert result.solved
     steps, slack = by_quadprog(problem, params, GAIN)
-    assert found == pytest.approx(steps, abs=1e-10)
+    assert shifts == pytest.approx(steps, abs=1e-10)
     assert result.x[-2:] == pytest.approx(slack, abs=1e-10)
 
 

@@ -61,13 +61,20 @@ def test_agrees_with_quadprog(error, previous, cop_r, kappa_r):
         error = (0.02, 0.1)
     previous = np.array([*previous, 0.0, 0.0])
     limits = feedback_limits(SOLE, 0.0, DEFAULTS)
-    found = feedback(error, cop_r, kappa_r, previous, limits)
+    actual = feedback(error, cop_r, kappa_r, previous, limits)
     A, b = cost_rows(error, previous, DEFAULTS)
     shift = limits.C @ np.concatenate((cop_r, kappa_r))
-    bounds = limits.lower - shift, limits.upper - shift
-    expected = by_quadprog(QpProblem(A.T @ A, -A.T @ b, limits.C, *bounds))
-    assert found.result.solved
-    assert found.increments == pytest.approx(expected, abs=1e-9)
+    expected = by_quadprog(
+        QpProblem(
+            A.T @ A,
+            -A.T @ b,
+            limits.C,
+            limits.lower - shift,
+            limits.upper - shift,
+        )
+    )
+    assert actual.result.solved
+    assert actual.increments == pytest.approx(expected, abs=1e-9)
 
 
 def test_an_axis_at_the_soles_edge_leaves_the_other_its_feedback():
@@ -75,8 +82,8 @@ def test_an_axis_at_the_soles_edge_leaves_the_other_its_feedback():
     y = 0.06 - 0.005 + 0.05  # half a sole less its margin, kappa
     long = feedback_limits(SOLE * [9.0, 1.0], 0.0, DEFAULTS)
     x = (10.0 * 3.0 * 0.04 + 5.0 * y) / 16.0
-    found = feedback((0.04, 0.04), limits=long).ecmp
-    assert found == pytest.approx([x, y], rel=2e-3)
+    actual = feedback((0.04, 0.04), limits=long).ecmp
+    assert actual == pytest.approx([x, y], rel=2e-3)
 
 
 def test_a_tiny_error_does_not_make_the_feedback_jump():
@@ -95,10 +102,10 @@ def test_if_there_is_no_solution_repeats_the_last_feedback():
     upper[:4] = -1.0  # one metre inside of every edge
     none = good._replace(upper=upper)
     previous = np.array([0.03, 0.0, 0.01, 0.0])
-    found = feedback((0.01, 0.0), (0.1, 0.0), previous=previous, limits=none)
-    assert not found.result.solved
-    assert found.cop == pytest.approx([0.13, 0.0])
-    assert found.ecmp == pytest.approx([0.14, 0.0])
+    actual = feedback((0.01, 0.0), (0.1, 0.0), previous=previous, limits=none)
+    assert not actual.result.solved
+    assert actual.cop == pytest.approx([0.13, 0.0])
+    assert actual.ecmp == pytest.approx([0.14, 0.0])
 
 
 def test_the_icp_error_of_a_pendulum_decays_as_the_gain_says():
@@ -109,8 +116,8 @@ def test_the_icp_error_of_a_pendulum_decays_as_the_gain_says():
     decay = growth - (growth - 1.0) * params.effective_gain
     icp, start = np.array([0.03, -0.01]), np.array([0.03, -0.01])
     for _ in range(500):
-        found = qp.solve(icp, ZERO, ZERO, NOTHING, limits)
-        icp = icp_after(icp, found.ecmp, OMEGA, PERIOD)
+        actual = qp.solve(icp, ZERO, ZERO, NOTHING, limits)
+        icp = icp_after(icp, actual.ecmp, OMEGA, PERIOD)
     assert icp == pytest.approx(start * decay**500, rel=1e-8)
     assert np.linalg.norm(icp) < 0.05 * np.linalg.norm(start)
 
@@ -121,10 +128,10 @@ def test_momentum_rate_moves_the_mass_as_the_pendulum():
     ecmp, h = np.array([0.02, 0.01]), 1e-3
     back, ahead = (com_after(com, velocity, ecmp, OMEGA, t)[0] for t in (-h, h))
     acceleration = (back - 2.0 * com + ahead) / h**2
-    found = momentum_rate(com, ecmp, 0.7, MODEL)
+    actual = momentum_rate(com, ecmp, 0.7, MODEL)
     # Truncation (w h)^2 / 12 = 8e-7 of it, rounding 1e-16 / h^2.
-    assert found[:2] == pytest.approx(90.9 * acceleration, rel=2e-6)
-    assert found[2] == pytest.approx(90.9 * 0.7)
+    assert actual[:2] == pytest.approx(90.9 * acceleration, rel=2e-6)
+    assert actual[2] == pytest.approx(90.9 * 0.7)
 
 
 def test_refuses_weights_that_leave_a_gain_below_one():

@@ -68,11 +68,11 @@ def test_the_multipliers_are_those_of_algorithm_1(toe, heel, n, omega, swing):
     corners = [0.0, *np.cumsum(stays[swing:])]
     # The CMP before the first corner does not count: in a swing, the heel.
     points = np.eye(len(corners) + 1)
-    found = atlas_icp_plan.corner_points(corners, points, omega)[0]
-    found = found if swing else found[1:]
+    multipliers = atlas_icp_plan.corner_points(corners, points, omega)[0]
+    multipliers = multipliers if swing else multipliers[1:]
     expected = algorithm_1(toe, heel, n, omega, swing)
-    assert found == pytest.approx(expected, abs=1e-14)
-    assert sum(found) == pytest.approx(1.0)
+    assert multipliers == pytest.approx(expected, abs=1e-14)
+    assert sum(multipliers) == pytest.approx(1.0)
 
 
 def test_corner_points_and_knots_are_those_of_equation_5():

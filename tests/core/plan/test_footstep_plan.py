@@ -22,9 +22,13 @@ from nadia_balance.core.plan.footstep_plan import (
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
-from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.core.walking.state import Side
+from nadia_balance.core.walking.state import (
+    Adjustment,
+    FootPose,
+    Side,
+    WalkingState,
+)
 from tests import example_walks as walks
 from tests.example_walks import ALL, FEET, MODEL, OMEGA, SOLE
 
@@ -42,7 +46,7 @@ def asked(icp=(0.0, 0.0), command=STILL, velocity=None, **changes):
     feet = changes.pop("feet", schedule.feet)
     values = {"reference": np.zeros(2), "on": ALL, "feet": feet} | changes
     return changes.pop("plan", PLAN).footsteps(
-        walking.WalkingState(schedule),
+        WalkingState(schedule),
         np.array(command if velocity is None else velocity, dtype=float),
         np.array(command, dtype=float),
         np.array(icp, dtype=float),
@@ -97,9 +101,9 @@ def captured(icp: np.ndarray, side: Side) -> int:
         offsets = shapely.Point(0.0, 0.0)
         for step in range(count - 1, 0, -1):
             foot = side if step % 2 == 0 else side.other
-            own = np.array(reach.exterior.coords) * [1.0, foot.sign]
+            reached = np.array(reach.exterior.coords) * [1.0, foot.sign]
             inner = np.array(shapely.get_coordinates(offsets))
-            sums = (own[:, None] + inner[None]).reshape(-1, 2) * shrink
+            sums = (reached[:, None] + inner[None]).reshape(-1, 2) * shrink
             points = np.vstack([sums, [[0.0, 0.0]]])
             offsets = shapely.MultiPoint(points).convex_hull
         inner = shapely.get_coordinates(offsets)
@@ -127,8 +131,8 @@ def test_no_fewer_steps_capture_the_icp_than_are_queued(angle, distance):
     assert steps[0].swing_duration == PARAMS.recovery_swing_duration
     sides = [step.side for step in steps]
     assert all(a is b.other for a, b in zip(sides, sides[1:], strict=False))
-    found = captured(icp, steps[0].side)
-    assert found <= len(steps) + 1
+    fewest_steps = captured(icp, steps[0].side)
+    assert fewest_steps <= len(steps) + 1
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -202,8 +206,8 @@ def test_two_steps_take_the_robot_as_far_as_it_was_told(command):
         expected = 0.5 * (poses[k] + poses[k - 1])
         assert expected[0] == pytest.approx((k + 0.5) * forward)
     for k in (2, 3):
-        way = poses[k] - poses[k - 2]
-        assert way[:2] == pytest.approx([2.0 * forward, 2.0 * left])
+        displacement = poses[k] - poses[k - 2]
+        assert displacement[:2] == pytest.approx([2.0 * forward, 2.0 * left])
     widths = [abs(a[1] - b[1]) for a, b in zip(poses, poses[1:], strict=False)]
     narrow = 0.25 - min(abs(left), room)
     assert min(widths) == pytest.approx(narrow)
@@ -225,8 +229,8 @@ def test_turning_steps_turn_the_frame_between_the_feet():
 @given(share=st.tuples(*(st.floats(-1.0, 1.0),) * 3))
 def test_steps_are_within_reach_and_in_time(share):
     """Oracle: shapely's distance to the base region; the least time of way."""
-    least, most = LIMITS
-    command = 0.5 * (least + most) + 0.5 * np.array(share) * (most - least)
+    lower, upper = LIMITS
+    command = 0.5 * (lower + upper) + 0.5 * np.array(share) * (upper - lower)
     stance = FEET
     base = shapely.Polygon(base_region(MODEL.reach)).buffer(1e-6)
     for step in asked(command=command):
@@ -242,14 +246,14 @@ def test_limits_are_those_of_reach_foot_speed_and_step_time():
     """Oracle: by hand, of a foot of at most 2 m/s."""
     detour = replace(MODEL.detour, max_speed=2.0, max_acceleration=100.0)
     slow = replace(MODEL, detour=detour)
-    least, most = velocity_limits(PARAMS, slow)
+    lower, upper = velocity_limits(PARAMS, slow)
     # Steps of 0.45 x 0.8 s: 0.9 of 0.27 s at 2 m/s, half of this way is ahead.
-    assert most[0] == pytest.approx(0.243 / 0.36)
-    assert least[0] == pytest.approx(-0.243 / 0.36)
+    assert upper[0] == pytest.approx(0.243 / 0.36)
+    assert lower[0] == pytest.approx(-0.243 / 0.36)
     # Half of the width from 0.25 to 0.8 m, and the room.
     aside = 0.5 * (0.5 * 0.55 + 0.0625)
-    assert most[1] == pytest.approx(aside / 0.36)
-    assert most[2] == pytest.approx(math.radians(30.0) / 0.36)
+    assert upper[1] == pytest.approx(aside / 0.36)
+    assert upper[2] == pytest.approx(math.radians(30.0) / 0.36)
     assert pace(PARAMS, slow, np.array([0.3, 0.0, 0.0])) == 1.0
     quick = pace(PARAMS, slow, np.array([0.0, 0.4, 0.0]))
     assert quick == pytest.approx((aside / 0.8) / 0.4)
@@ -273,9 +277,13 @@ def test_a_walk_that_is_to_stop_closes_its_feet():
     schedule = walks.swing(length=0.3)
     landed = schedule.footsteps[0].pose
     feet = schedule.feet.with_foot(Side.RIGHT, landed)
-    rest = {"icp": (0.2, 0.0), "reference": np.array([0.2, 0.0])}
+    reference = np.array([0.2, 0.0])
     (step,) = asked(
-        schedule=schedule, feet=feet, velocity=(0.3, 0.0, 0.0), **rest
+        reference,
+        schedule=schedule,
+        feet=feet,
+        velocity=(0.3, 0.0, 0.0),
+        reference=reference,
     )
     assert step.side is Side.LEFT and not step.reactive
     expected = landed.p_WF + [0.0, 0.25, 0.0]
@@ -283,10 +291,13 @@ def test_a_walk_that_is_to_stop_closes_its_feet():
     assert step.transfer_duration == 0.75 * PARAMS.transfer_duration
     caught = replace(schedule.footsteps[0], reactive=True)
     after = replace(schedule, footsteps=(caught,))
-    (slow,) = asked(schedule=after, feet=feet, **rest)
+    (slow,) = asked(reference, schedule=after, feet=feet, reference=reference)
     assert slow.transfer_duration == PARAMS.initial_transfer_duration
     feet = feet.with_foot(Side.LEFT, step.pose)
-    assert asked(schedule=schedule, feet=feet, **rest) == ()
+    assert (
+        asked(reference, schedule=schedule, feet=feet, reference=reference)
+        == ()
+    )
 
 
 def test_stands_where_it_landed_if_the_feet_hold_it():
@@ -295,7 +306,7 @@ def test_stands_where_it_landed_if_the_feet_hold_it():
     The foot that is farther from it comes after.
     """
     schedule = walks.swing(length=0.0)
-    ahead = walking.FootPose([0.5, -0.125, 0.0])
+    ahead = FootPose([0.5, -0.125, 0.0])
     feet = schedule.feet.with_foot(Side.RIGHT, ahead)
     (step,) = asked((0.4, 0.0), schedule=schedule, feet=feet)
     assert step.side is Side.LEFT
@@ -322,7 +333,7 @@ def test_a_push_has_priority_over_the_command():
 
 def swinging(time, **changes):
     """A walk at 0.3 m/s, so long in its first swing [s]."""
-    state = walking.WalkingState(walks.swing(length=0.21), time, time)
+    state = WalkingState(walks.swing(length=0.21), time, time)
     return replace(state, **changes)
 
 
@@ -332,8 +343,8 @@ def test_a_foot_in_the_air_follows_a_new_command_until_it_is_too_late():
     (step,) = PLAN.revised(swinging(0.2), speed, STILL)
     assert step.pose.p_WF == pytest.approx([0.0, -0.125, 0.0])
     assert PLAN.revised(swinging(0.29), speed, STILL) is None
-    adjusted = walking.Adjustment(
-        swinging(0.2).schedule.footsteps[0], walking.FootPose([0.4, -0.2, 0.0])
+    adjusted = Adjustment(
+        swinging(0.2).schedule.footsteps[0], FootPose([0.4, -0.2, 0.0])
     )
     pushed = swinging(0.2, adjustment=adjusted)
     assert PLAN.revised(pushed, speed, STILL) is None
@@ -344,7 +355,7 @@ def test_a_foot_in_the_air_follows_a_new_command_until_it_is_too_late():
 def test_a_transfer_is_given_up_if_the_feet_are_square():
     """Oracle: by hand; None if nothing has changed by 1 cm."""
     schedule = walks.walk(length=0.3)
-    state = walking.WalkingState(schedule, 0.1, 0.1)
+    state = WalkingState(schedule, 0.1, 0.1)
     speed = np.array([0.2, 0.0, 0.0])
     assert PLAN.revised(state, speed, STILL) == ()
     steps = PLAN.queue(Side.RIGHT, FEET.left, speed, speed)

@@ -19,7 +19,13 @@ from nadia_balance.core.plan.gait import (
     walking_start,
     within_reach,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    Side,
+)
 from tests.example_walks import FEET, MODEL
 
 REACH = MODEL.reach
@@ -41,14 +47,14 @@ def test_footholds_are_taken_as_given():
 
 def test_the_start_may_be_anywhere():
     """Oracle: a rotated and shifted start gives rotated, shifted steps."""
-    frame = walking.FootPose([2.0, -1.0, 0.0], 0.7)
+    frame = FootPose([2.0, -1.0, 0.0], 0.7)
 
     def moved(pose):
         xy = frame.to_world(pose.p_WF[:2])
-        return walking.FootPose([*xy, 0.0], pose.yaw + frame.yaw)
+        return FootPose([*xy, 0.0], pose.yaw + frame.yaw)
 
     gait = Gait(num_steps=5, step=StepVector(length=0.2, yaw_deg=10))
-    there = walking.FootPoses(moved(FEET.left), moved(FEET.right))
+    there = FootPoses(moved(FEET.left), moved(FEET.right))
     here, there = (make_footsteps(gait, at, REACH) for at in (FEET, there))
     for a, b in zip(here, there, strict=True):
         assert b.pose.p_WF == pytest.approx(moved(a.pose).p_WF)
@@ -75,13 +81,13 @@ def test_bad_commands_are_refused(gait, message):
         steps_of(**gait)
 
 
-@pytest.mark.parametrize(("told", "width"), [(0.3, 0.3), (None, 0.25)])
-def test_stands_with_the_feet_side_by_side_about_the_origin(told, width):
+@pytest.mark.parametrize(("step_width", "width"), [(0.3, 0.3), (None, 0.25)])
+def test_stands_with_the_feet_side_by_side_about_the_origin(step_width, width):
     """Oracle: the gait's step width, or the robot's; at rest in between."""
-    schedule = walking_start(Gait(step_width=told), MODEL).schedule
-    assert schedule.phase is walking.Phase.STANDING
+    schedule = walking_start(Gait(step_width=step_width), MODEL).schedule
+    assert schedule.phase is Phase.STANDING
     assert schedule.duration == math.inf and schedule.footsteps == ()
-    for side in walking.Side:
+    for side in Side:
         y = 0.5 * side.sign * width
         assert schedule.feet[side].p_WF == pytest.approx([0.0, y, 0.0])
     for point in schedule.start.com, schedule.start.cop:
@@ -95,17 +101,17 @@ def test_waits_and_then_shifts_to_the_foot_that_does_not_swing_first():
     for gait in left, hold:
         state = walking_start(replace(gait, standing_duration=0.7), MODEL)
         assert state.schedule.duration == 0.7
-        assert state.schedule.footsteps[0].side is walking.Side.LEFT
-        assert state.schedule.support_side is walking.Side.RIGHT
+        assert state.schedule.footsteps[0].side is Side.LEFT
+        assert state.schedule.support_side is Side.RIGHT
     now = walking_start(replace(left, standing_duration=0.0), MODEL).schedule
     assert now.final_transfer_duration == 0.9 and now.duration > 0.0
 
 
 def step(side, x, y, yaw=0.0):
-    return walking.Footstep(side, walking.FootPose([x, y, 0.0], yaw), 0.3, 0.7)
+    return Footstep(side, FootPose([x, y, 0.0], yaw), 0.3, 0.7)
 
 
-def in_place(count, first=walking.Side.RIGHT):
+def in_place(count, first=Side.RIGHT):
     """Steps onto the spots where the feet stand."""
     sides = [first, first.other] * count
     return tuple(step(s, 0.0, 0.125 * s.sign) for s in sides[:count])
@@ -115,10 +121,10 @@ def in_place(count, first=walking.Side.RIGHT):
 @pytest.mark.parametrize("meant", [(0.0, 0.25), (0.3, 0.35)])
 def test_the_way_back_goes_by_a_share_of_the_reach(meant, x, y):
     """Oracle: shapely's distance to the base region, shrunk by shapely."""
-    landed = step(walking.Side.LEFT, 0.0, 0.125)
-    wanted = step(walking.Side.RIGHT, meant[0], 0.125 - meant[1])
-    feet = FEET.with_foot(walking.Side.LEFT, walking.FootPose([x, y, 0.0]))
-    taken, *_ = within_reach((wanted,), feet, REACH, landed)
+    landed = step(Side.LEFT, 0.0, 0.125)
+    command = step(Side.RIGHT, meant[0], 0.125 - meant[1])
+    feet = FEET.with_foot(Side.LEFT, FootPose([x, y, 0.0]))
+    taken, *_ = within_reach((command,), feet, REACH, landed)
     whole = region = shapely.Polygon(base_region(REACH))
     if math.hypot(x, y - 0.125) > 0.05:
         narrow = shapely.affinity.scale(whole, 0.5, 1.0, origin=meant)
@@ -126,24 +132,24 @@ def test_the_way_back_goes_by_a_share_of_the_reach(meant, x, y):
         both = zip(narrow.exterior.coords, wide.exterior.coords, strict=True)
         corners = [(u, min(v, max(w, meant[1]))) for (u, v), (_, w) in both]
         region = shapely.MultiPoint(corners).convex_hull & whole
-    asked, found = (
+    asked, placed = (
         shapely.Point(p[0] - x, y - p[1])  # in the left sole's frame, mirrored
-        for p in (wanted.pose.p_WF, taken.pose.p_WF)
+        for p in (command.pose.p_WF, taken.pose.p_WF)
     )
     away = region.distance(asked)
-    if found != asked:
-        assert asked.distance(found) == pytest.approx(away, abs=1e-9)
+    if placed != asked:
+        assert asked.distance(placed) == pytest.approx(away, abs=1e-9)
     else:  # the ellipse reaches beyond the polygon inside of it
         assert away < 0.08
 
 
 def test_a_step_as_it_was_meant_may_take_all_of_the_reach():
     """Oracle: identity, though it is longer than a way back would be."""
-    landed = step(walking.Side.LEFT, 0.0, 0.125)
-    wanted = step(walking.Side.RIGHT, 0.9, -0.125)
-    (taken,) = within_reach((wanted,), FEET, REACH, landed)
-    assert taken is wanted
-    off = walking.FootPose([-0.06, 0.125, 0.0])
-    displaced = FEET.with_foot(walking.Side.LEFT, off)
-    (taken,) = within_reach((wanted,), displaced, REACH, landed)
+    landed = step(Side.LEFT, 0.0, 0.125)
+    command = step(Side.RIGHT, 0.9, -0.125)
+    (taken,) = within_reach((command,), FEET, REACH, landed)
+    assert taken is command
+    off = FootPose([-0.06, 0.125, 0.0])
+    displaced = FEET.with_foot(Side.LEFT, off)
+    (taken,) = within_reach((command,), displaced, REACH, landed)
     assert taken.pose.p_WF[0] == pytest.approx(0.95 - 0.06, abs=0.01)

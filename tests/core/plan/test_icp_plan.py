@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 from nadia_balance.core.plan import icp_plan
 from nadia_balance.core.plan.cop_waypoints import cop_waypoints
 from nadia_balance.core.plan.gait import within_reach
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    FootPose,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+)
 from tests.example_walks import MODEL, OMEGA, SOLE, at_rest, successor, walk
 
 
@@ -81,7 +87,9 @@ def test_is_the_solution_of_the_papers_system(n, straight, seed):
     system, values = paper_system(durations, ecmp, com, icp_end, velocity)
     expected = np.linalg.solve(system, values).reshape(-1, 6, 2)
     given = None if straight else velocity
-    found = icp_plan.solve_segments(durations, ecmp, com, icp_end, OMEGA, given)
+    result = icp_plan.solve_segments(
+        durations, ecmp, com, icp_end, OMEGA, given
+    )
     for share in 0.0, 0.3, 1.0:
         t = share * durations
         com, velocity, ecmp, _ = rows_with_rates(t, durations)
@@ -90,7 +98,7 @@ def test_is_the_solution_of_the_papers_system(n, straight, seed):
             icp_plan.rows_at(*each, OMEGA)
             for each in zip(t, durations, strict=True)
         ]
-        np.testing.assert_allclose(ours @ found, theirs @ expected, atol=1e-8)
+        np.testing.assert_allclose(ours @ result, theirs @ expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("duration", [1e-5, 1.0, 100.0])
@@ -104,8 +112,8 @@ def test_very_short_and_very_long_segments_cost_little_accuracy(duration):
     expected = backward_icp(durations, ecmp, OMEGA)
     for i, T in enumerate(durations):
         for t, icp in (0.0, expected[i]), (T, expected[i + 1]):
-            found = icp_plan.rows_at(t, T, OMEGA)[1] @ solution[i]
-            np.testing.assert_allclose(found, icp, atol=1e-8)
+            result = icp_plan.rows_at(t, T, OMEGA)[1] @ solution[i]
+            np.testing.assert_allclose(result, icp, atol=1e-8)
 
 
 PARAMS = icp_plan.IcpPlanParams()
@@ -124,10 +132,10 @@ def as_printed(schedule):
     """The plan whose ICP starts where the waypoints lead it."""
     path = cop_waypoints(schedule, PARAMS, SOLE)
     points = path.points
-    found = icp_plan.solve_segments(
+    result = icp_plan.solve_segments(
         path.durations, linear(points), schedule.start.com, points[-1], OMEGA
     )
-    return replace(plan_of(schedule), coefficients=found, offset=np.zeros(2))
+    return replace(plan_of(schedule), coefficients=result, offset=np.zeros(2))
 
 
 def test_a_small_bend_is_shared():
@@ -159,7 +167,7 @@ def test_a_small_bend_is_shared():
 
 def test_what_the_feet_cannot_do_fades():
     """Oracle: the ICP of its eCMP by the recursion, and e^-wt by hand."""
-    far = walking.ReferencePoint(np.array([0.5, 0.4]), np.zeros(2), np.zeros(2))
+    far = ReferencePoint(np.array([0.5, 0.4]), np.zeros(2), np.zeros(2))
     plan = plan_of(replace(walk(), start=far))
     ecmp = np.array([plan.at(t).ecmp for t in plan.knots])
     assert in_support(ecmp[:3], walk())
@@ -167,20 +175,20 @@ def test_what_the_feet_cannot_do_fades():
     offset = far.com - possible[0]
     assert np.linalg.norm(offset) > 0.1
     for t, icp in zip(plan.knots, possible, strict=True):
-        found = plan.at(t)
+        result = plan.at(t)
         expected = icp + np.exp(-OMEGA * t) * offset
-        np.testing.assert_allclose(found.icp, expected, atol=1e-8)
+        np.testing.assert_allclose(result.icp, expected, atol=1e-8)
     for t, h in (0.1, 1e-5), (0.5, 1e-5):
         before, now, after = plan.at(t - h), plan.at(t), plan.at(t + h)
         for name in "icp", "com":
             rate = (getattr(after, name) - getattr(before, name)) / (2.0 * h)
-            found = getattr(now, f"{name}_velocity")
-            np.testing.assert_allclose(rate, found, atol=1e-5)
+            result = getattr(now, f"{name}_velocity")
+            np.testing.assert_allclose(rate, result, atol=1e-5)
 
 
 def in_support(points, schedule):
     """Whether the `points` are in the hull of the soles that stand."""
-    standing = filter(schedule.in_contact, walking.Side)
+    standing = filter(schedule.in_contact, Side)
     soles = [schedule.feet[side].to_world(SOLE) for side in standing]
     hull = shapely.MultiPoint(np.concatenate(soles)).convex_hull
     return all(hull.distance(shapely.Point(p)) < 1e-9 for p in points)
@@ -196,9 +204,9 @@ def random_re_plans(seed):
     length, aside, turn = random.uniform(-1, 1, 3) * [0.35, 0.1, 0.3]
     times = random.uniform([0.1, 0.5], [0.6, 1.2])
     schedule = walk(length, aside, turn, 4, *times)
-    while schedule.phase is not walking.Phase.STANDING:
+    while schedule.phase is not Phase.STANDING:
         t, plan = schedule.duration, plan_of(schedule)
-        if schedule.phase is walking.Phase.SWING:
+        if schedule.phase is Phase.SWING:
             t -= random.choice([0.0, random.uniform(0.0, 0.25)])
             for now in random.uniform(0.0, t, 2) * [0.5, 1.0]:
                 if now < schedule.start_time:
@@ -220,7 +228,7 @@ def random_re_plans(seed):
 def aimed(schedule, shift):
     """The footsteps, the next one by `shift` elsewhere, but within reach."""
     step, *later = schedule.footsteps
-    pose = walking.FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
+    pose = FootPose(step.pose.p_WF + [*shift, 0.0], step.pose.yaw)
     moved = (replace(step, pose=pose),)
     return *within_reach(moved, schedule.feet, MODEL.reach), *later
 
@@ -234,8 +242,8 @@ def test_no_re_plan_asks_for_what_the_feet_cannot_do(seed):
         np.testing.assert_allclose(now.ecmp, was.ecmp, rtol=0.0, atol=1e-9)
         if new.phase is not old.phase:
             for name in "icp", "com", "com_velocity", "cop":
-                told, before_it = getattr(now, name), getattr(was, name)
-                assert told == pytest.approx(before_it, abs=1e-9)
+                value, before_it = getattr(now, name), getattr(was, name)
+                assert value == pytest.approx(before_it, abs=1e-9)
         worse = math.dist(now.icp, icp) - math.dist(was.icp, icp)
         assert worse < 1e-9
         knots = plan.knots[plan.knots <= new.duration + 1e-9]
@@ -251,46 +259,46 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
     for steps in schedule.footsteps, new:
         other = as_printed(replace(schedule, footsteps=steps))
         icps.append(other.at(t).icp)
-    way, was = icps[1] - icps[0], plan.at(t).icp
-    normal = np.array([-way[1], way[0]])
+    move, was = icps[1] - icps[0], plan.at(t).icp
+    normal = np.array([-move[1], move[0]])
     for ahead, part in (-1.0, 0.0), (0.5, 0.5), (2.0, 1.0):
-        icp = was + ahead * way + 0.7 * normal
+        icp = was + ahead * move + 0.7 * normal
         moved = plan_of(plan.moved(schedule, new, t, icp, MODEL))
-        assert moved.at(t).icp == pytest.approx(was + part * way, abs=1e-6)
+        assert moved.at(t).icp == pytest.approx(was + part * move, abs=1e-6)
 
 
 @pytest.mark.parametrize("kwargs", WALKS)
 def test_finds_the_time_at_which_the_plan_is_nearest(kwargs):
     """Oracle: a dense search, and the times of the ICPs on the plan."""
     random, schedule = np.random.default_rng(0), walk(**kwargs)
-    while schedule.phase is not walking.Phase.STANDING:
+    while schedule.phase is not Phase.STANDING:
         plan = plan_of(schedule)
         times = np.linspace(0.0, schedule.duration, 1001)
         path = np.array([plan.at(t).icp for t in times])
         for _ in range(20):
             now, then = np.sort(random.uniform(0.0, schedule.duration, 2))
             icp = plan.at(then).icp + random.uniform(-0.08, 0.08, 2)
-            found = plan.time_to(icp, now)
-            assert 0.0 <= found <= schedule.duration - now + 1e-12
+            result = plan.time_to(icp, now)
+            assert 0.0 <= result <= schedule.duration - now + 1e-12
             later = np.vstack([plan.at(now).icp, path[times > now]])
             least = np.linalg.norm(later - icp, axis=1).min()
-            distance = math.dist(plan.at(now + found).icp, icp)
+            distance = math.dist(plan.at(now + result).icp, icp)
             assert distance < least + 1e-5
         schedule = successor(schedule, plan)
 
 
-@pytest.mark.parametrize("phase", list(walking.Phase))
+@pytest.mark.parametrize("phase", list(Phase))
 def test_a_waiting_reference_holds_the_icp(phase):
     """Oracle: the contract: at rest on two feet; the last eCMP on one."""
     schedule = replace(walk(), phase=phase, duration=0.4)
     plan = plan_of(schedule)
     end = plan.at(0.4)
     held = icp_plan.reference_of(
-        plan, walking.WalkingState(schedule, 0.4, waiting=True)
+        plan, WalkingState(schedule, 0.4, waiting=True)
     )
     np.testing.assert_array_equal(held.icp, end.icp)
     np.testing.assert_array_equal(held.icp_velocity, [0.0, 0.0])
-    ecmp = end.ecmp if phase is walking.Phase.SWING else end.icp
+    ecmp = end.ecmp if phase is Phase.SWING else end.icp
     np.testing.assert_array_equal(held.ecmp, ecmp)
     np.testing.assert_array_equal(held.cop, ecmp)
     point = held.point()

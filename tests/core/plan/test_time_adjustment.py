@@ -13,7 +13,12 @@ from nadia_balance.core.plan.time_adjustment import (
     TimingAdapterParams,
     is_leaving,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    Adjustment,
+    FootPose,
+    Side,
+    WalkingState,
+)
 from tests import example_walks as walks
 
 PERIOD = 0.002
@@ -93,13 +98,13 @@ def test_the_swing_foot_gets_the_time_that_it_needs(
     schedule, plan = swing(swing=1.0)
     stood = schedule.feet.right
     stood = replace(stood, p_WF=stood.p_WF + [0.0, 0.0, lifted])
-    feet = schedule.feet.with_foot(walking.Side.RIGHT, stood)
-    state = walking.WalkingState(replace(schedule, feet=feet), elapsed, elapsed)
+    feet = schedule.feet.with_foot(Side.RIGHT, stood)
+    state = WalkingState(replace(schedule, feet=feet), elapsed, elapsed)
     target = schedule.footsteps[0].pose.p_WF
-    foot = walking.FootPose(target + [-distance, 0.0, height])
+    foot = FootPose(target + [-distance, 0.0, height])
     timing = timing_of(detour=detour)
-    found = timing.least_remaining_time(state, foot, np.zeros(2))
-    assert found == pytest.approx(expected, abs=1e-12)
+    result = timing.least_remaining_time(state, foot, np.zeros(2))
+    assert result == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("size", [0.05, 0.15])
@@ -111,20 +116,20 @@ def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
     schedule, plan = swing(swing=1.0)
     step, foot = schedule.footsteps[0], schedule.feet.right
     schedule = replace(schedule, footsteps=(replace(step, pose=foot),))
-    adjusted = walking.Adjustment(step, foot)
-    state = walking.WalkingState(schedule, 0.3, 0.3, adjustment=adjusted)
+    adjusted = Adjustment(step, foot)
+    state = WalkingState(schedule, 0.3, 0.3, adjustment=adjusted)
     error = np.array([size, 0.0])
-    found = timing_of().least_remaining_time(state, foot, error)
-    way = step.pose.p_WF[:2] - foot.p_WF[:2]
+    result = timing_of().least_remaining_time(state, foot, error)
+    direction = step.pose.p_WF[:2] - foot.p_WF[:2]
 
     def in_time(t):
         moved = icp_after(error, np.zeros(2), walks.OMEGA, t)
-        half_way = 0.5 * np.linalg.norm(way + moved)
+        half_way = 0.5 * np.linalg.norm(direction + moved)
         return half_way <= 0.5 * 30.0 * (0.5 * t) ** 2 + 1e-12
 
     times = np.linspace(0.7 / 3.0, 0.7, 16, endpoint=False)
     first = [t for t in times if in_time(t)]
-    assert found == pytest.approx(first[0] if first else times[0], abs=1e-12)
+    assert result == pytest.approx(first[0] if first else times[0], abs=1e-12)
 
 
 # From rest 0.4 s at 30 m/s^2, under way sqrt(1/2) of that; 0.03 s are let be.
@@ -137,11 +142,11 @@ def test_a_foot_near_its_foothold_lands():
     It once stood still there, and the foot in the air, with 13 ms left.
     """
     schedule, _ = swing(swing=1.0)
-    state = walking.WalkingState(schedule, 0.99, 0.6)
+    state = WalkingState(schedule, 0.99, 0.6)
     target = schedule.footsteps[0].pose.p_WF
     slow = replace(DETOUR, settling=0.1)
     for distance, lands in ((0.075, True), (0.085, False)):
-        foot = walking.FootPose(target - [distance, 0.0, 0.0])
+        foot = FootPose(target - [distance, 0.0, 0.0])
         late = timing_of(detour=slow).time_to_return(state, foot)
         assert (late == 0.0) is lands
 
@@ -164,14 +169,14 @@ def test_time_is_given_back_if_the_foothold_moves_away(
     schedule, plan = swing(swing=1.0)
     step = schedule.footsteps[0]
     target = step.pose
-    longer = walking.Adjustment(step, target, prolonged=more)
-    state = walking.WalkingState(
+    longer = Adjustment(step, target, prolonged=more)
+    state = WalkingState(
         schedule, 0.9, 0.9 - gained, adjustment=longer if more else None
     )
-    foot = walking.FootPose(target.p_WF - [distance, 0.0, 0.0])
-    feet = schedule.feet.with_foot(walking.Side.RIGHT, foot)
-    found = timing_of().time_to_return(state, foot)
-    assert found == pytest.approx(expected, abs=1e-12)
+    foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
+    feet = schedule.feet.with_foot(Side.RIGHT, foot)
+    result = timing_of().time_to_return(state, foot)
+    assert result == pytest.approx(expected, abs=1e-12)
     proposed = adjustment(plan.at(0.9).icp, plan, state, feet=feet)
     assert proposed == pytest.approx(-expected, abs=1e-12)
 
@@ -184,7 +189,7 @@ def with_gamma(gamma):
 
 def run_ahead(schedule, plan, lead, params, ticks):
     """The clock, tick by tick, while the ICP is `lead` [s] ahead of time."""
-    state, clock = walking.WalkingState(schedule), []
+    state, clock = WalkingState(schedule), []
     for tick in range(ticks):
         state = replace(state, elapsed=tick * PERIOD)
         icp = plan.at(state.elapsed + lead).icp
@@ -212,7 +217,7 @@ def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
     assert clock[-1] == pytest.approx(exact[-1], abs=1e-4)
     assert np.max(clock - exact) < 1e-4  # not beyond the ICP at any time
     # Without a time constant all is made up at once: with one, a share of it.
-    state, icp = walking.WalkingState(schedule), plan.at(0.1).icp
+    state, icp = WalkingState(schedule), plan.at(0.1).icp
     at_once = replace(FREE, swing_time_constant=0.0, transfer_time_constant=0.0)
     gain = adjustment(icp, plan, state, at_once)
     share = adjusted(icp, plan, state, params)
@@ -222,11 +227,11 @@ def test_the_clock_catches_up_with_an_icp_that_is_ahead(phase, lead, gamma):
 def test_an_icp_that_leaves_hurries_all_it_can_at_once():
     """Oracle: the shortest transfer and swing, by hand."""
     schedule, plan = transfer()
-    state = walking.WalkingState(schedule, 0.03, 0.03)
+    state = WalkingState(schedule, 0.03, 0.03)
     gain = adjusted([9.0, 0.0], plan, state)
     assert gain == pytest.approx(2 * (schedule.duration - 0.05,), abs=1e-12)
     schedule, plan = swing(length=0.0)
-    state = walking.WalkingState(schedule, 0.1, 0.1)
+    state = WalkingState(schedule, 0.1, 0.1)
     nimble = replace(walks.IDEAL_DETOUR, max_acceleration=1e6)
     gain = adjustment([9.0, 0.125], plan, state, detour=nimble)
     assert gain == pytest.approx(schedule.duration - 0.4, abs=1e-12)
@@ -236,22 +241,22 @@ def test_an_icp_that_leaves_hurries_all_it_can_at_once():
 def test_small_errors_leave_the_clock_alone(phase):
     """Oracle: the threshold."""
     schedule, plan = phase()
-    state = walking.WalkingState(schedule)
-    way = plan.at(schedule.duration).icp - plan.at(0.0).icp
-    way /= np.linalg.norm(way)
+    state = WalkingState(schedule)
+    direction = plan.at(schedule.duration).icp - plan.at(0.0).icp
+    direction /= np.linalg.norm(direction)
     for error, hurried in (0.99, False), (1.01, True):
-        icp = plan.at(0.0).icp + error * PARAMS.icp_error_threshold * way
+        icp = plan.at(0.0).icp + error * PARAMS.icp_error_threshold * direction
         assert (adjustment(icp, plan, state) > 0.0) is hurried
 
 
 def idle_states():
     """Standing, the last transfer, and phases whose clock has run out."""
-    yield walking.WalkingState(walks.standing(), 0.1, 0.1)
+    yield WalkingState(walks.standing(), 0.1, 0.1)
     last = replace(walks.walk(), footsteps=())
-    yield walking.WalkingState(last, 0.1, 0.1)
+    yield WalkingState(last, 0.1, 0.1)
     for schedule, _ in swing(), transfer():
         t = schedule.duration
-        yield walking.WalkingState(schedule, t, t, waiting=True)
+        yield WalkingState(schedule, t, t, waiting=True)
 
 
 @pytest.mark.parametrize("state", list(idle_states()))

@@ -16,7 +16,16 @@ from nadia_balance.core.plan.walking_state_machine import (
     StateMachine,
     WalkingStateMachineParams,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    Adjustment,
+    FootPose,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+    support_polygon,
+)
 from tests import example_walks as walks
 from tests.core.body.test_ground import square
 from tests.example_walks import FEET, MODEL, OMEGA, SOLE
@@ -34,7 +43,7 @@ class FakePlan:
 
     def at(self, t):
         zero = np.zeros(2)
-        point = walking.ReferencePoint(np.array([t, 0.0]), zero, zero)
+        point = ReferencePoint(np.array([t, 0.0]), zero, zero)
         return SimpleNamespace(
             **{"icp": zero, "com": point.com, "com_velocity": zero},
             **{"cop": zero, "point": lambda: point},
@@ -48,9 +57,15 @@ def standing(num_steps):
 
 def step(state, forces=(4e2, 4e2), icp=(0, 0), feet=FEET, period=PERIOD, **new):
     """One period later."""
-    measured = feet, np.array(forces) / WEIGHT, np.array(icp)
     machine = StateMachine(PARAMS, MODEL, period)
-    return machine.advance(state, FakePlan(), *measured, **new)
+    return machine.advance(
+        state,
+        FakePlan(),
+        feet=feet,
+        forces=np.array(forces) / WEIGHT,
+        icp=np.array(icp),
+        **new,
+    )
 
 
 def until(state, phase, **measured):
@@ -64,8 +79,8 @@ def until(state, phase, **measured):
 
 def swinging(num_steps=3):
     """At the start of the first swing."""
-    state, _ = until(standing(num_steps), walking.Phase.TRANSFER)
-    return until(state, walking.Phase.SWING)[0]
+    state, _ = until(standing(num_steps), Phase.TRANSFER)
+    return until(state, Phase.SWING)[0]
 
 
 def test_phases_last_as_planned_to_the_nearest_tick():
@@ -74,9 +89,9 @@ def test_phases_last_as_planned_to_the_nearest_tick():
         start = walking_start(
             Gait(num_steps=3, standing_duration=duration), MODEL
         )
-        state, ticks = until(start, walking.Phase.TRANSFER)
+        state, ticks = until(start, Phase.TRANSFER)
         assert ticks == expected
-    state, ticks = until(state, walking.Phase.SWING)
+    state, ticks = until(state, Phase.SWING)
     assert ticks == 400
     assert state.time_in_phase == 0.0
 
@@ -87,10 +102,10 @@ def test_a_glitch_of_the_force_is_no_touchdown():
     for k in range(340):
         force = 70.0 if k % 3 else 0.0
         state = step(state, forces=(400.0, force))
-    assert state.schedule.phase is walking.Phase.SWING
+    assert state.schedule.phase is Phase.SWING
     for _ in range(100):
         state = step(state, forces=(400.0, 33.0))
-    assert state.schedule.phase is walking.Phase.SWING
+    assert state.schedule.phase is Phase.SWING
 
 
 @pytest.mark.parametrize(
@@ -107,9 +122,9 @@ def test_a_foot_has_landed_after_an_impulse(force, period, ticks):
     state = step(swinging(), forces=(800.0, 0.0))
     state = replace(state, time_in_phase=0.6, elapsed=0.6)
     for _ in range(ticks):
-        assert state.schedule.phase is walking.Phase.SWING
+        assert state.schedule.phase is Phase.SWING
         state = step(state, forces=(400.0, force), period=period)
-    assert state.schedule.phase is walking.Phase.TRANSFER
+    assert state.schedule.phase is Phase.TRANSFER
 
 
 def test_the_other_foot_is_lifted_when_the_one_that_landed_carries():
@@ -120,30 +135,29 @@ def test_the_other_foot_is_lifted_when_the_one_that_landed_carries():
     swings = replace(swinging(), time_in_phase=0.6, elapsed=0.6)
     landed = step(swings, forces=(400.0, 900.0))
     first = landed.schedule.footsteps[0]
-    adjusts = {"adjustment": walking.Adjustment(first, first.pose)}
+    adjustment = Adjustment(first, first.pose)
     assert landed.contact_time == PERIOD
     state = replace(landed, time_in_phase=landed.schedule.duration)
     for force, ticks in (0.0, 20), (200.0, 4), (0.0, 1), (200.0, 4):
         for k in range(1, ticks + 1):
-            state = step(state, forces=(800.0, force), **adjusts)
-            assert state.schedule.phase is walking.Phase.TRANSFER
+            state = step(state, forces=(800.0, force), adjustment=adjustment)
+            assert state.schedule.phase is Phase.TRANSFER
             contact = k * PERIOD if force else 0.0
             assert state.contact_time == pytest.approx(contact)
-    state = step(state, forces=(800.0, 200.0), **adjusts)
-    assert state.schedule.phase is walking.Phase.SWING
+    state = step(state, forces=(800.0, 200.0), adjustment=adjustment)
+    assert state.schedule.phase is Phase.SWING
     state = replace(landed, time_in_phase=landed.schedule.duration)
-    forces = {"forces": (800.0, 0.0), **adjusts}
-    _, ticks = until(state, walking.Phase.SWING, **forces)
-    most = PARAMS.lift_off.max_wait
-    assert ticks * PERIOD == pytest.approx(most, abs=1.5 * PERIOD)
+    _, ticks = until(
+        state, Phase.SWING, forces=(800.0, 0.0), adjustment=adjustment
+    )
+    max_wait = PARAMS.lift_off.max_wait
+    assert ticks * PERIOD == pytest.approx(max_wait, abs=1.5 * PERIOD)
 
 
 def test_the_next_plan_has_the_feet_and_the_reference_of_the_touchdown():
     """Oracle: the measured pose; the plan, asked for this time."""
-    landed = FEET.with_foot(
-        walking.Side.RIGHT, walking.FootPose([0.02, -0.13, 0.0], 0.01)
-    )
-    state, ticks = until(swinging(), walking.Phase.TRANSFER, feet=landed)
+    landed = FEET.with_foot(Side.RIGHT, FootPose([0.02, -0.13, 0.0], 0.01))
+    state, ticks = until(swinging(), Phase.TRANSFER, feet=landed)
     assert state.schedule.start.com == pytest.approx([ticks * PERIOD, 0.0])
     assert state.schedule.feet == landed
     assert len(state.schedule.footsteps) == 2
@@ -154,11 +168,11 @@ def test_a_foot_that_lands_elsewhere_has_the_slope_of_the_ground_there():
     """Oracle: the normal of the region under it; its foothold is level."""
     slope = square("slope", 0.5, -0.13, normal=[-0.2, 0.0, 1.0])
     ground = Ground((square("flat"), slope), SOLE)
-    pose = walking.FootPose([0.5, -0.13, 0.0])
-    feet = FEET.with_foot(walking.Side.RIGHT, pose)
+    pose = FootPose([0.5, -0.13, 0.0])
+    feet = FEET.with_foot(Side.RIGHT, pose)
     machine = StateMachine(PARAMS, replace(MODEL, ground=ground), PERIOD)
     state = swinging()
-    while state.schedule.phase is walking.Phase.SWING:
+    while state.schedule.phase is Phase.SWING:
         state = machine.advance(
             state, FakePlan(), feet, np.array([0.4, 0.4]), np.zeros(2)
         )
@@ -183,24 +197,24 @@ def test_the_clock_is_advanced_or_held_but_never_runs_back():
 
 def test_a_wait_for_the_icp_ends_if_footholds_can_be_adjusted():
     """Oracle: max_held_wait; the ICP stays where no foot would be lifted."""
-    state, _ = until(standing(2), walking.Phase.TRANSFER)
+    state, _ = until(standing(2), Phase.TRANSFER)
     first = state.schedule.footsteps[0]
-    adjusts = {"adjustment": walking.Adjustment(first, first.pose)}
-    _, ticks = until(state, walking.Phase.SWING, icp=(0.04, 0.0), **adjusts)
+    adjustment = Adjustment(first, first.pose)
+    _, ticks = until(state, Phase.SWING, icp=(0.04, 0.0), adjustment=adjustment)
     wait = ticks * PERIOD - state.schedule.duration
-    most = PARAMS.lift_off.max_held_wait  # it is well inside the support
-    assert 0.8 * most < wait < most + 1.5 * PERIOD
+    max_wait = PARAMS.lift_off.max_held_wait  # it is well inside the support
+    assert 0.8 * max_wait < wait < max_wait + 1.5 * PERIOD
     for _ in range(2 * ticks):
         state = step(state, icp=(0.04, 0.0))
-    assert state.schedule.phase is walking.Phase.TRANSFER
+    assert state.schedule.phase is Phase.TRANSFER
 
 
 def test_an_adjusted_step_replaces_the_one_in_the_air():
     """Oracle: the pose; the later steps stay."""
     state = step(swinging())
-    pose = walking.FootPose([0.2, -0.3, 0.0])
+    pose = FootPose([0.2, -0.3, 0.0])
     nominal = state.schedule.footsteps[0]
-    adjustment = walking.Adjustment(nominal, pose, "base")
+    adjustment = Adjustment(nominal, pose, "base")
     moved = step(state, adjustment=adjustment)
     assert moved.schedule.footsteps[0].pose is pose
     assert moved.schedule.footsteps[1:] == state.schedule.footsteps[1:]
@@ -208,14 +222,14 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     again = step(moved, adjustment=adjustment)
     assert again.schedule is moved.schedule  # nothing to plan anew
     assert moved.schedule.start_time == state.time_in_phase
-    landed, _ = until(again, walking.Phase.TRANSFER)
+    landed, _ = until(again, Phase.TRANSFER)
     assert landed.schedule.start_time == 0.0  # of the next phase
 
 
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
     """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
     state = step(swinging(), time_gain=0.4)
-    _, ticks = until(state, walking.Phase.TRANSFER)
+    _, ticks = until(state, Phase.TRANSFER)
     landed = (1 + ticks) * PERIOD
     assert landed == pytest.approx(0.15, abs=3 * PERIOD)
 
@@ -237,7 +251,7 @@ def lifts(offset, waited=0.0, params=LIFT_OFF, feet=None):
     """True if an ICP `offset` [m] from where it should be lets a foot lift."""
     schedule, plan, end = transfer()
     schedule = replace(schedule, feet=feet or schedule.feet)
-    state = walking.WalkingState(schedule, waited=waited)
+    state = WalkingState(schedule, waited=waited)
     machine = StateMachine(replace(PARAMS, lift_off=params), MODEL, PERIOD)
     icp = end + np.array(offset)
     return machine.may_lift(state, plan, icp, params.max_wait)
@@ -264,7 +278,7 @@ def test_waits_only_as_long_as_the_icp_can_return(angle, wait):
     """
     schedule, _, end = transfer()
     away = np.array([math.cos(angle), math.sin(angle)])
-    support = walking.support_polygon(schedule, SOLE)
+    support = support_polygon(schedule, SOLE)
     room = np.max((support - end) @ away) + 0.03
     inward = schedule.support_side.sign * away[1] < 0.0
     width = 0.015 if inward else 0.012
@@ -286,7 +300,7 @@ def test_waits_longer_for_an_icp_that_is_held(angle):
     """
     schedule, _, end = transfer()
     away = np.array([math.cos(angle), math.sin(angle)])
-    support = walking.support_polygon(schedule, SOLE)
+    support = support_polygon(schedule, SOLE)
     reach, t = np.max((support - end) @ away), 0.1
     length = reach - LIFT_OFF.held_room
     for more, held in ((-1e-3, True), (1e-3, False)):
@@ -296,9 +310,9 @@ def test_waits_longer_for_an_icp_that_is_held(angle):
         assert bool(moved > least) is held
         if np.linalg.norm(icp - end) < 0.04:  # near enough to lift anyway
             continue
-        offset, most = (length + more) * away, LIFT_OFF.max_held_wait
-        assert lifts(offset, waited=0.9 * most) is not held
-        assert lifts(offset, waited=most)
+        offset, max_wait = (length + more) * away, LIFT_OFF.max_held_wait
+        assert lifts(offset, waited=0.9 * max_wait) is not held
+        assert lifts(offset, waited=max_wait)
 
 
 def test_does_not_wait_longer_with_the_feet_far_apart_nor_if_they_cross():
@@ -311,7 +325,5 @@ def test_does_not_wait_longer_with_the_feet_far_apart_nor_if_they_cross():
         (0.3, 0.01, True, (0.04, 0.04), 0.0, endless),
         (0.3, -0.01, False, (0.04, 0.04), 0.0, endless),
     ):
-        feet = walking.FootPoses(
-            walking.FootPose(right.p_WF + [x, y, 0.0], right.yaw), right
-        )
+        feet = FootPoses(FootPose(right.p_WF + [x, y, 0.0], right.yaw), right)
         assert lifts(offset, waited, params, feet) is not waits
