@@ -1,6 +1,6 @@
-"""The hand of the code: no packed calls, no empty words, docstrings in sections.
+"""The hand of the code: no packed calls or empty words, docstrings in sections.
 
-Oracle: the syntax tree (see tests/hand.py); offenders are told by file and line.
+Oracle: the syntax tree (see tests/hand.py); offenders by file and line.
 """
 
 import ast
