@@ -308,10 +308,12 @@ def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
 def minkowski_sum(first: Array, second: Array) -> Array:
     """The polygon {p + q : p in first, q in second}.
 
+    Both are counter-clockwise and strictly convex, as from `convex_hull`; one
+    may be a single point or a line.
+
     Args:
-        first: vertices (n, 2) [m], counter-clockwise and strictly convex, as
-            from `convex_hull`; it may be a point or a line.
-        second: vertices (k, 2) [m], likewise.
+        first: vertices (n, 2) [m].
+        second: vertices (k, 2) [m].
 
     Returns:
         Vertices (m, 2) [m].

@@ -19,12 +19,23 @@ class Mechanisms:
     cross_over: bool  # cross-over steps in the foothold adjustment
 
     def as_vector(self) -> Array:
-        """Returns 1 for on and 0 for off, in the order of the fields, (4,)."""
+        """The switches as a signal of Drake.
+
+        Returns:
+            1 for on and 0 for off, in the order of the fields (4,).
+        """
         return np.array(astuple(self), dtype=float)
 
     @classmethod
     def from_vector(cls, vector: Array) -> Mechanisms:
-        """The inverse of `as_vector`: a number above 0.5 is on."""
+        """The inverse of `as_vector`.
+
+        Args:
+            vector: a number for each field, in their order (4,).
+
+        Returns:
+            The switches: a number above 0.5 is on.
+        """
         return cls(*(vector > 0.5).tolist())
 
 
