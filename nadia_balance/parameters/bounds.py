@@ -62,11 +62,9 @@ class Bounds(NamedTuple):
         """False for NaN, and beyond LARGEST on a side without a bound."""
         if math.isinf(value):
             return not self.finite
-        if value > 0.0:
-            is_bounded = self.most is not None or self.below is not None
-        else:
-            is_bounded = self.least is not None or self.above is not None
-        return is_bounded or abs(value) <= self._largest
+        upper, lower = (self.most, self.below), (self.least, self.above)
+        given = upper if value > 0.0 else lower
+        return given != (None, None) or abs(value) <= self._largest
 
     def rule(self, value: float) -> str:
         """The rule that a number breaks.
@@ -137,10 +135,11 @@ def parameters(owner: type[T]) -> type[T]:
         The dataclass, with slots.
     """
     made = dataclasses.dataclass(kw_only=True, slots=True)(owner)
-    lines = [made.__doc__ or "", "", "Attributes:"]
-    for field in dataclasses.fields(made):  # type: ignore[arg-type]
-        lines.append(f"    {field.name}: {meaning(field)}")
-    made.__doc__ = "\n".join(lines)
+    lines = [
+        f"    {field.name}: {meaning(field)}"
+        for field in dataclasses.fields(made)  # type: ignore[arg-type]
+    ]
+    made.__doc__ = "\n".join([made.__doc__ or "", "", "Attributes:", *lines])
     return made
 
 
@@ -173,8 +172,11 @@ def check(params: object, name: str = "") -> None:
             rule, such as `steps[1].length = nan: must be finite`.
     """
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
-        bounds = field.metadata.get("bounds", UNBOUNDED)
-        _check(getattr(params, field.name), _join(name, field.name), bounds)
+        _check(
+            getattr(params, field.name),
+            _join(name, field.name),
+            field.metadata.get("bounds", UNBOUNDED),
+        )
     if hasattr(params, "validate_more"):
         try:
             params.validate_more()

@@ -74,9 +74,11 @@ def scaled(params: T, size: Size, given: object = None) -> T:
 
 def _scaled(value: Any, size: Size, given: object, bounds: Bounds) -> Any:
     if dataclasses.is_dataclass(value):
-        if dataclasses.is_dataclass(given):
-            return value
-        return scaled(value, size, given)
+        return (
+            value
+            if dataclasses.is_dataclass(given)
+            else scaled(value, size, given)
+        )
     if isinstance(value, list):
         parts = given if isinstance(given, list) else [given] * len(value)
         return [

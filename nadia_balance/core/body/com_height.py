@@ -122,8 +122,10 @@ class ComHeightPlan:
         """
         rise, s = self.end - self.start, min(max(t / self.duration, 0.0), 1.0)
         if rise < 0.0:
-            rate = 2.0 * rise * s / self.duration if s < 1.0 else 0.0
-            return self.start + rise * s * s, rate
+            return (
+                self.start + rise * s * s,
+                2.0 * rise * s / self.duration if s < 1.0 else 0.0,
+            )
         return (
             self.start + rise * s * s * (3.0 - 2.0 * s),
             rise * 6.0 * s * (1.0 - s) / self.duration,
@@ -276,8 +278,14 @@ class ComHeight:
         """
         away, params = icp - ecmp, self.params
         far = math.hypot(*away)
-        low = above <= params.min_height_ratio * self.model.com_height
-        if low or far <= params.sink_distance or away @ (com - ecmp) <= 0.0:
+        if (
+            above <= params.min_height_ratio * self.model.com_height
+            or far <= params.sink_distance
+            or away @ (com - ecmp) <= 0.0
+        ):
             return 0.0
-        gain = params.sink_gain * self.model.omega**2
-        return gain * (far - params.sink_distance)
+        return (
+            params.sink_gain
+            * self.model.omega**2
+            * (far - params.sink_distance)
+        )

@@ -43,7 +43,7 @@ _TURN = math.pi / 12.0  # spacing of the yaws at which a sole is tried [rad]
 class Region:
     """A convex part of a plane, whose obstacles have no footholds."""
 
-    name: str = bounded("", doc="name of its own")
+    name: str = bounded("", doc="a name of its own")
     vertices: list[list[float]] = bounded(
         list, doc="corners [x, y] in W from above, in m"
     )
@@ -125,8 +125,11 @@ class Region:
         x, y, z = self.unit_normal.tolist()
         slope = np.array([-x / z, -y / z])
         at_origin = float(self.heights(np.zeros((1, 2)))[0])
-        limits = np.array([highest - at_origin, at_origin - lowest])
-        return clip_all(polygon, np.array([slope, -slope]), limits)
+        return clip_all(
+            polygon,
+            A=np.array([slope, -slope]),
+            b=np.array([highest - at_origin, at_origin - lowest]),
+        )
 
     def footholds(self, sole: Array, yaw: float, margin: float) -> Array:
         """The sole centres with the whole sole on the region.
@@ -145,8 +148,9 @@ class Region:
         """
         corners = FootPose(yaw=yaw, normal=self.unit_normal).outline(sole)
         A, b = halfspaces(self.polygon)
-        farthest = (A @ corners.T).max(axis=1)
-        return clip_all(self.polygon, A, b - farthest - margin)
+        return clip_all(
+            self.polygon, A, b - (A @ corners.T).max(axis=1) - margin
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,11 +253,10 @@ class Ground(Immutable):
                 foot.p_WF[:2], region.polygon, _ROUNDING
             ):
                 continue
-            lying = replace(foot, normal=region.unit_normal)
-            if all(
-                contains(corner, region.polygon, _ROUNDING)
-                for corner in lying.outline(self.sole)
-            ):
+            outline = replace(foot, normal=region.unit_normal).outline(
+                self.sole
+            )
+            if all(contains(p, region.polygon, _ROUNDING) for p in outline):
                 return region
         return None
 
@@ -324,23 +327,24 @@ def steps_on(
         if reach is None:
             pose = _on_region(ground, step.pose, name)
         else:
-            stance = feet[step.side.other]
-            pose = _within_reach(ground, step, stance, reach=reach, name=name)
+            pose = _within_reach(
+                ground,
+                step,
+                region=in_world(
+                    base_region(reach), feet[step.side.other], step.side
+                ),
+                longest=reach.length_forward,
+                name=name,
+            )
         feet = feet.with_foot(step.side, pose)
         placed.append(replace(step, pose=pose))
     return tuple(placed)
 
 
 def _within_reach(
-    ground: Ground,
-    step: Footstep,
-    stance: FootPose,
-    *,
-    reach: ReachabilityParams,
-    name: str,
+    ground: Ground, step: Footstep, region: Array, longest: float, name: str
 ) -> FootPose:
-    """Returns the nearest foothold within reach; raises ValueError."""
-    region = in_world(base_region(reach), stance, step.side)
+    """Returns the nearest foothold in the region (n, 2); raises ValueError."""
     placed = moved_to(ground, step, [region])
     goal = ground.nearest(step.pose.p_WF[:2], step.pose.yaw)
     if placed is None or goal is None:
@@ -350,11 +354,11 @@ def _within_reach(
         )
     x, y, _ = placed.pose.p_WF.tolist()
     width = math.dist(goal, (x, y))
-    if width > reach.length_forward:
+    if width > longest:
         raise ValueError(
             f"{name}: from x = {x:.3f}, y = {y:.3f} m a hole of "
             f"{width:.3f} m, between footholds, must be within the "
-            f"reach of {reach.length_forward:.3f} m"
+            f"reach of {longest:.3f} m"
         )
     return placed.pose
 
@@ -392,8 +396,11 @@ def moved_to(
 
 def _closest(point: Array, parts: Iterable[Array]) -> Array | None:
     """Returns the point (2,) of polygons closest to `point`; None if empty."""
-    points = [project(point, part) for part in parts if len(part)]
-    return min(points, key=lambda p: math.dist(p, point), default=None)
+    return min(
+        [project(point, part) for part in parts if len(part)],
+        key=lambda p: math.dist(p, point),
+        default=None,
+    )
 
 
 def _on_region(ground: Ground, foot: FootPose, name: str) -> FootPose:
@@ -465,10 +472,10 @@ def check_friction(ground: Ground, friction: float) -> None:
     """
     for region in ground.regions:
         if not region.obstacle and region.slope >= friction:
-            limit_deg = math.degrees(math.atan(friction))
             raise ValueError(
                 f"region {region.name!r}: must be tilted by less than "
-                f"{limit_deg:.1f} deg, as friction is {friction:g}, but is by "
+                f"{math.degrees(math.atan(friction)):.1f} deg, as friction is "
+                f"{friction:g}, but is by "
                 f"{math.degrees(math.atan(region.slope)):.1f} deg"
             )
 

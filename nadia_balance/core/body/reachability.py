@@ -168,12 +168,12 @@ def cross_over_region(params: ReachabilityParams, region: str) -> Array:
         theta = math.radians(params.theta_backward_deg)
     middle = params.width_nominal
     inward = (middle + beyond) / math.cos(theta)
-    outward = params.width_max - middle
     vertices = [(0.0, middle)]
     for angle in np.linspace(theta - 0.5 * math.pi, 0.5 * math.pi, 7):
-        width = inward if angle < 0.0 else outward
-        x, y = length * math.cos(angle), middle + width * math.sin(angle)
-        vertices.append((x, y))
+        width = inward if angle < 0.0 else params.width_max - middle
+        vertices.append(
+            (length * math.cos(angle), middle + width * math.sin(angle))
+        )
     return convex_hull(np.array(vertices))
 
 
@@ -209,8 +209,9 @@ def total_region(params: ReachabilityParams, cross_over: bool) -> Array:
     Returns:
         Vertices (n, 2) in the sole frame of the stance foot [m].
     """
-    regions = step_regions(params, cross_over)
-    return convex_hull(np.concatenate(list(regions.values())))
+    return convex_hull(
+        np.concatenate(list(step_regions(params, cross_over).values()))
+    )
 
 
 def circle(radius: float, num_vertices: int = 32) -> Array:

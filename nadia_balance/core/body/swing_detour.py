@@ -185,8 +185,7 @@ class SwingDetourParams:
             return max(fastest, length / self.max_speed)
         if stop <= PEAK * length:
             return 2.0 * length / v
-        back = stop / PEAK - length
-        return v / (PEAK * a) + 2.0 * math.sqrt(back / a)
+        return v / (PEAK * a) + 2.0 * math.sqrt((stop / PEAK - length) / a)
 
     def time_of_way(
         self, start: Array, goal: Array, stance: FootPose, swing: Side
@@ -202,8 +201,9 @@ class SwingDetourParams:
         Returns:
             Time [s].
         """
-        path = self.way_round(start, goal, stance=stance, swing=swing)
-        return self.shortest_time(path) + self.settling
+        return self.settling + self.shortest_time(
+            self.way_round(start, goal, stance=stance, swing=swing)
+        )
 
     def _length(self, p: Point) -> float:
         """Returns `ahead`, or less if `p` is closer in front or behind."""
@@ -234,14 +234,16 @@ class SwingEdges(Immutable):
     @property
     def top(self) -> float:
         """Height [m] of the highest edge, or of the goal."""
-        highest = float(self.heights.max()) - self.clearance
-        return max(highest, float(self.goal[2]))
+        return max(
+            float(self.heights.max()) - self.clearance, float(self.goal[2])
+        )
 
     @property
     def drop(self) -> float:
         """Height [m] of descent after the last edge."""
-        nearby = self.heights[-1 - _PARTS // 5 :].max()
-        return max(float(nearby - self.goal[2]), 0.0)
+        return max(
+            float(self.heights[-1 - _PARTS // 5 :].max() - self.goal[2]), 0.0
+        )
 
     def needed(self, points: Array) -> Array:
         """The least heights of the sole.
@@ -343,8 +345,8 @@ def touching_heights(ground: Ground, start: FootPose, goal: FootPose) -> Array:
         for region in regions:  # planes, which touch the sole at a corner
             corners = intersection(region.polygon, outline)
             if len(corners):
-                offsets = corners - p_WF[:2]
-                above = region.heights(corners) + offsets @ [x / z, y / z]
-                highest = max(highest, float(above.max()))
+                rise = (corners - p_WF[:2]) @ [x / z, y / z]
+                above = float((region.heights(corners) + rise).max())
+                highest = max(highest, above)
         heights.append(highest)
     return np.array(heights)

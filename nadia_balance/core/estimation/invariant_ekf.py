@@ -127,12 +127,13 @@ class InvariantEkf:
         self._period = T = period
         self._joint_var = sensors.joint_noise**2
         self._gyro_var = sensors.gyro_noise**2 * T
-        walks = np.square((sensors.gyro_walk, sensors.force_walk))
         self._noise = np.zeros(SIZE)
         self._noise[V] = sensors.force_noise**2 * T
         self._noise[9:15] = STANCE_NOISE**2 * T
         self._noise[HEADINGS] = TURNING**2 * T
-        self._noise[BIAS] = np.repeat(walks, 3) * T
+        self._noise[BIAS] = T * np.repeat(
+            np.square((sensors.gyro_walk, sensors.force_walk)), 3
+        )
         self._biases = sensors.gyro_bias, sensors.force_bias
         # The transition of the error without biases: exp(A T), Eq. (3).
         self._Phi = np.eye(SIZE)
@@ -153,8 +154,9 @@ class InvariantEkf:
             The estimate; the soles follow by `touch`.
         """
         x = np.vstack((np.zeros(3), p, p, p))
-        others = np.repeat((0.0, 0.0, *self._biases), 3)
-        deviations = np.concatenate((error.ravel(), others))
+        deviations = np.concatenate(
+            (error.ravel(), np.repeat((0.0, 0.0, *self._biases), 3))
+        )
         cov = np.zeros((SIZE, SIZE))
         np.fill_diagonal(cov[:21, :21], np.square(deviations))
         # The error of the position itself, not that of a rotation about W.
@@ -187,8 +189,9 @@ class InvariantEkf:
         moved[0] += (RG @ f + _G) * T
         moved[1] += (x[0] + (R @ double @ f) * T + _G * (0.5 * T)) * T
         Phi = self._Phi.copy()
-        cross = skew(0.5 * (x + moved))
-        spread = np.concatenate((np.eye(3), cross.reshape(12, 3)))
+        spread = np.concatenate(
+            (np.eye(3), skew(0.5 * (x + moved)).reshape(12, 3))
+        )
         Phi[V, FORCE_BIAS] = -T * RG
         Phi[:15, GYRO_BIAS] = spread @ (-T * RG)
         Phi[P, FORCE_BIAS] = (-(T**2)) * (R @ double)
@@ -275,8 +278,9 @@ class InvariantEkf:
         slipped = [
             i for i in rows if self._corrected(last, [i], legs)[1] > GATE
         ]
-        held = [i for i in rows if i not in slipped]
-        corrected, _ = self._corrected(last, held, legs)
+        corrected, _ = self._corrected(
+            last, [i for i in rows if i not in slipped], legs
+        )
         for i in slipped:
             corrected = self.touch(corrected, i, legs)
         return corrected
@@ -298,8 +302,9 @@ class InvariantEkf:
     def _leg_noise(self, last: Estimate, rows: list[int], legs: Legs) -> Array:
         """Covariance of place and heading of the soles `rows` by the legs."""
         RJ = last.R @ legs.J[rows].reshape(-1, 2, 3, legs.J.shape[-1])
-        RJ = np.concatenate((RJ[:, 1], RJ[:, 0, 2:]), axis=1)
-        RJ = RJ.reshape(4 * len(rows), -1)
+        RJ = np.concatenate((RJ[:, 1], RJ[:, 0, 2:]), axis=1).reshape(
+            4 * len(rows), -1
+        )
         return self._joint_var * (RJ @ RJ.T)
 
 

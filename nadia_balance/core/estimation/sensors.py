@@ -94,8 +94,9 @@ class SensorParams:
     @property
     def imu_range(self) -> Array:
         """Largest values (9,) that an Imu tells: rate, force, latest rate."""
-        ranges = self.gyro_range, self.force_range, self.gyro_range
-        return np.repeat(ranges, 3)
+        return np.repeat(
+            (self.gyro_range, self.force_range, self.gyro_range), 3
+        )
 
     def validate_more(self) -> None:
         """Checks the pose of the IMU.

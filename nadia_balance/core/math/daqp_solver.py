@@ -108,8 +108,10 @@ class DaqpSolver(solvers.SolverInterface):
         Returns:
             A message with its unsupported attributes; empty if there are none.
         """
-        unsupported = set(prog.required_capabilities()) - _ATTRIBUTES
-        names = sorted(attribute.name for attribute in unsupported)
+        names = sorted(
+            attribute.name
+            for attribute in set(prog.required_capabilities()) - _ATTRIBUTES
+        )
         costs: Any = prog.quadratic_costs()
         if not all(binding.evaluator().is_convex() for binding in costs):
             names.append("a quadratic cost that is not convex")
@@ -143,7 +145,7 @@ class DaqpSolver(solvers.SolverInterface):
             raise ValueError(message)
         x, outcome = self.solve(prog)
         filled = result or solvers.MathematicalProgramResult()
-        _fill(filled, prog, x, outcome)
+        _fill(filled, prog, solution=x, outcome=outcome)
         return filled if result is None else None
 
     def solve(self, prog: Program) -> tuple[Array, solvers.SolutionResult]:
@@ -306,8 +308,10 @@ def _fill(
     x = np.nan_to_num(solution)
     cost = _NO_COSTS.get(outcome, math.nan)
     if outcome is solvers.SolutionResult.kSolutionFound:
-        costs = [*prog.quadratic_costs(), *prog.linear_costs()]
-        cost = sum(float(prog.EvalBinding(each, x)[0]) for each in costs)
+        cost = sum(
+            float(prog.EvalBinding(binding, x)[0])
+            for binding in [*prog.quadratic_costs(), *prog.linear_costs()]
+        )
     solved: Any = solvers.MathematicalProgram()
     variables = prog.decision_variables()
     solved.AddDecisionVariables(variables)
@@ -315,8 +319,7 @@ def _fill(
     solved.AddQuadraticCost(
         Q=np.diag(0.0 * x), b=0.0 * x, c=cost, vars=variables, is_convex=True
     )
-    solver = solvers.MakeSolver(solvers.ChooseBestSolver(solved))
-    solver.Solve(
+    solvers.MakeSolver(solvers.ChooseBestSolver(solved)).Solve(
         prog=solved, initial_guess=None, solver_options=None, result=result
     )
     result.set_x_val(solution)

@@ -32,8 +32,9 @@ def as_array(points: list[Point]) -> Array:
         Array (n, 2) [m].
     """
     # np.array treats each pair as a sequence.
-    coordinates = itertools.chain.from_iterable(points)
-    return np.fromiter(coordinates, float, 2 * len(points)).reshape(-1, 2)
+    return np.fromiter(
+        itertools.chain.from_iterable(points), float, 2 * len(points)
+    ).reshape(-1, 2)
 
 
 def convex_hull(points: Array) -> Array:
@@ -69,8 +70,7 @@ def hull(points: Iterable[Point]) -> list[Point]:
         raise ValueError(f"points = {ordered}: must be finite")
     if len(ordered) < 3:
         return ordered
-    lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
-    vertices = lower[:-1] + upper[:-1]
+    vertices = _half_hull(ordered)[:-1] + _half_hull(reversed(ordered))[:-1]
     if _area(vertices) > _FLAT:
         return vertices
     # A line up to rounding: its ends.
@@ -138,8 +138,9 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
         True if it is inside, or on an edge.
     """
     if len(polygon) < 3:
-        distance = np.linalg.norm(point - project(point, polygon))
-        return bool(distance <= tolerance)
+        return bool(
+            np.linalg.norm(point - project(point, polygon)) <= tolerance
+        )
     x, y = float(point[0]), float(point[1])
     for (ax, ay), (bx, by) in _edges(polygon):
         ux, uy = bx - ax, by - ay

@@ -45,11 +45,11 @@ class QpProblem(NamedTuple):
         Raises:
             ValueError: H, g or A is not finite; it is named.
         """
-        H, g, A, _, _ = self
         # A sum of squares is finite only if all are.
-        if math.isfinite(np.vdot(H, H) + g @ g + np.vdot(A, A)):
+        squares = np.vdot(self.H, self.H) + self.g @ self.g
+        if math.isfinite(squares + np.vdot(self.A, self.A)):
             return
-        for name, values in (("H", H), ("g", g), ("A", A)):
+        for name, values in (("H", self.H), ("g", self.g), ("A", self.A)):
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} of the QP: must be finite")
 
@@ -79,14 +79,19 @@ class DenseQp:
     def __init__(self, num_variables: int) -> None:
         # Untyped, as Drake's stubs lack NumPy's present array types.
         program: Any = MathematicalProgram()
-        n = num_variables
-        x = program.NewContinuousVariables(n)
+        x = program.NewContinuousVariables(num_variables)
         cost = program.AddQuadraticCost(
-            Q=np.eye(n), b=np.zeros(n), vars=x, is_convex=True
+            Q=np.eye(num_variables),
+            b=np.zeros(num_variables),
+            vars=x,
+            is_convex=True,
         )
         # With one row, because Drake drops a constraint without rows.
         limits = program.AddLinearConstraint(
-            A=np.zeros((1, n)), lb=np.zeros(1), ub=np.zeros(1), vars=x
+            A=np.zeros((1, num_variables)),
+            lb=np.zeros(1),
+            ub=np.zeros(1),
+            vars=x,
         )
         self._program = program
         # Kept, because each access takes as long as an update.

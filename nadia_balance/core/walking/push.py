@@ -57,8 +57,10 @@ class Moment:
         """The text that `parse` reads as this moment, to nine decimals."""
         if self.phase is None:
             return f"{_short(self.time)} s"
-        percent = _short(100.0 * self.fraction)
-        return f"{self.swing.value} {self.phase.value} {percent} %"
+        return (
+            f"{self.swing.value} {self.phase.value} "
+            f"{_short(100.0 * self.fraction)} %"
+        )
 
 
 # Force over its peak, with x from 0 to 1 over the duration: 1; sin(pi x); x
@@ -227,8 +229,10 @@ class Push:
             return time >= moment.time - TIME_TOLERANCE
         duration = state.schedule.duration
         start = min(moment.fraction * duration, duration - 1.5 * period)
-        passed = state.time_in_phase >= start - TIME_TOLERANCE
-        return passed and self.is_in_phase(state)
+        return (
+            state.time_in_phase >= start - TIME_TOLERANCE
+            and self.is_in_phase(state)
+        )
 
     def is_in_phase(self, state: WalkingState) -> bool:
         """Whether it is the phase in which the push begins.
@@ -270,12 +274,13 @@ def random_pushes(
     for _ in range(number):
         time += rng.uniform(*pause)
         size, angle = rng.uniform(0.0, [largest, 360.0])
-        push = Push(
-            delta_v=round(size, 3),
-            direction_deg=round(angle, 1),
-            at=f"{time:.2f} s",
+        pushes.append(
+            Push(
+                delta_v=round(size, 3),
+                direction_deg=round(angle, 1),
+                at=f"{time:.2f} s",
+            )
         )
-        pushes.append(push)
     return pushes
 
 

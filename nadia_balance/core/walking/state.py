@@ -216,8 +216,9 @@ class ReferencePoint(Immutable):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "com", read_only(self.com, 2))
-        velocity = read_only(self.com_velocity, 2)
-        object.__setattr__(self, "com_velocity", velocity)
+        object.__setattr__(
+            self, "com_velocity", read_only(self.com_velocity, 2)
+        )
         object.__setattr__(self, "cop", read_only(self.cop, 2))
 
 
@@ -375,9 +376,12 @@ def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
     Returns:
         Vertices (n, 2) in W [m], counter-clockwise.
     """
-    soles = [
-        schedule.feet[side].to_world(sole)
-        for side in Side
-        if schedule.in_contact(side)
-    ]
-    return convex_hull(np.concatenate(soles))
+    return convex_hull(
+        np.concatenate(
+            [
+                schedule.feet[side].to_world(sole)
+                for side in Side
+                if schedule.in_contact(side)
+            ]
+        )
+    )
