@@ -10,6 +10,7 @@ check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
 """
 
 import dataclasses
+import inspect
 import math
 import typing
 from typing import Any, NamedTuple, TypeVar
@@ -139,7 +140,9 @@ def parameters(owner: type[T]) -> type[T]:
         f"    {field.name}: {meaning(field)}"
         for field in dataclasses.fields(made)  # type: ignore[arg-type]
     ]
-    made.__doc__ = "\n".join([made.__doc__ or "", "", "Attributes:", *lines])
+    made.__doc__ = "\n".join(
+        [inspect.cleandoc(made.__doc__ or ""), "", "Attributes:", *lines]
+    )
     return made
 
 

@@ -108,8 +108,9 @@ class Region:
             Heights (n,) in W [m].
         """
         x, y, z = self.unit_normal.tolist()
-        offsets = points - self.polygon.mean(axis=0)
-        return np.asarray(self.height - offsets @ [x / z, y / z])
+        return np.asarray(
+            self.height - (points - self.polygon.mean(axis=0)) @ [x / z, y / z]
+        )
 
     def between(self, polygon: Array, lowest: float, highest: float) -> Array:
         """The part of a polygon where the plane is between two heights.
