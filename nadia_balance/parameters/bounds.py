@@ -10,6 +10,7 @@ check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
 """
 
 import dataclasses
+import inspect
 import math
 import typing
 from typing import Any, NamedTuple, TypeVar
@@ -38,7 +39,14 @@ class Bounds(NamedTuple):
     of: str = "leg"  # length that it scales with (see Size); empty: none
 
     def allow(self, value: float) -> bool:
-        """True if the number is within these bounds."""
+        """True if the number is within these bounds.
+
+        Args:
+            value: number, infinity or NaN.
+
+        Returns:
+            False for NaN, and beyond LARGEST on a side without a bound.
+        """
         return (
             self._is_sane(value)
             and (self.least is None or value >= self.least)
@@ -60,35 +68,40 @@ class Bounds(NamedTuple):
         return given != (None, None) or abs(value) <= self._largest
 
     def rule(self, value: float) -> str:
-        """Returns the rule that the number `value` breaks, as text."""
-        low, high = self.least, self.most
-        unit = f" {self.unit}" if self.unit else ""
+        """The rule that a number breaks.
+
+        Args:
+            value: number outside of these bounds.
+
+        Returns:
+            What it must be, such as `in (0, 10] s` or `finite and >= 0`.
+        """
+        low = self.least if self.above is None else self.above
+        high = self.most if self.below is None else self.below
         if math.isfinite(value) and not self._is_sane(value):
             low = -self._largest if low is None else low
             high = self._largest if high is None else high
-        opening, closing = "[", "]"
-        if self.above is not None:
-            low, opening = self.above, "("
-        if self.below is not None:
-            high, closing = self.below, ")"
+        if low is None and high is None:
+            return "finite" if self.finite else "a number"
+        unit = f" {self.unit}" if self.unit else ""
         if low is not None and high is not None:
+            opening = "[" if self.above is None else "("
+            closing = "]" if self.below is None else ")"
             return f"in {opening}{low:g}, {high:g}{closing}{unit}"
-        rule = "a number"
         if low is not None:
-            rule = f"{'>=' if opening == '[' else '>'} {low:g}{unit}"
-        elif high is not None:
-            rule = f"{'<=' if closing == ']' else '<'} {high:g}{unit}"
-        elif self.finite:
-            return "finite"
-        needs_to_be = self.finite and not math.isfinite(value)
-        return f"finite and {rule}" if needs_to_be else rule
+            rule = f"{'>=' if self.above is None else '>'} {low:g}{unit}"
+        else:
+            rule = f"{'<=' if self.below is None else '<'} {high:g}{unit}"
+        if self.finite and not math.isfinite(value):
+            return f"finite and {rule}"
+        return rule
 
 
 UNBOUNDED = Bounds()
 
 
 def bounded(default: Any, *, doc: str = "", **bounds: Any) -> Any:
-    """Returns a dataclass field with this default, `Bounds` and meaning.
+    """A dataclass field with its default, bounds and meaning.
 
     None is always allowed.
 
@@ -96,13 +109,18 @@ def bounded(default: Any, *, doc: str = "", **bounds: Any) -> Any:
         default: value, or a factory such as `dict` or a class of parameters.
         doc: what it is, in a sentence without the unit; the one source of
             `help()`, the reference page and the JSON schema.
-        **bounds: those of Bounds.
+        **bounds: those of Bounds; UNBOUNDED without any.
+
+    Returns:
+        The field, for the body of a class.
     """
-    kind = "default_factory" if callable(default) else "default"
-    metadata = {"bounds": Bounds(**bounds), "doc": doc}
-    return dataclasses.field(metadata=metadata, **{kind: default})
+    metadata = {"bounds": Bounds(**bounds) if bounds else UNBOUNDED, "doc": doc}
+    if callable(default):
+        return dataclasses.field(default_factory=default, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
 
 
+# For type checkers `bounded(x)` is a default like any other.
 @typing.dataclass_transform(
     kw_only_default=True, field_specifiers=(dataclasses.field,)
 )
@@ -118,17 +136,24 @@ def parameters(owner: type[T]) -> type[T]:
         The dataclass, with slots.
     """
     made = dataclasses.dataclass(kw_only=True, slots=True)(owner)
-    fields = dataclasses.fields(made)  # type: ignore[arg-type]
-    lines = [f"    {field.name}: {meaning(field)}" for field in fields]
-    made.__doc__ = "\n".join([made.__doc__ or "", "", "Attributes:", *lines])
+    lines = [
+        f"    {field.name}: {meaning(field)}"
+        for field in dataclasses.fields(made)  # type: ignore[arg-type]
+    ]
+    made.__doc__ = "\n".join(
+        [inspect.cleandoc(made.__doc__ or ""), "", "Attributes:", *lines]
+    )
     return made
 
 
 def meaning(field: "dataclasses.Field[Any]") -> str:
-    """Returns what a field is, with its unit.
+    """What a field is, with its unit.
 
     Args:
         field: of a class of parameters.
+
+    Returns:
+        Its `doc`, and its unit in brackets.
     """
     unit = field.metadata.get("bounds", UNBOUNDED).unit
     doc = field.metadata.get("doc", "")
@@ -136,18 +161,25 @@ def meaning(field: "dataclasses.Field[Any]") -> str:
 
 
 def check(params: object, name: str = "") -> None:
-    """Checks all fields of the dataclass `params` against their bounds.
+    """Checks all fields of a dataclass against their bounds.
 
     Descends into dataclasses, lists and mappings, then calls
     `params.validate_more()`, if defined, for conditions between fields.
-    `name` is that of `params` itself.
 
-    Raises ValueError: names the first field out of its bounds, its value and
-    the rule, such as `steps[1].length = nan: must be finite`.
+    Args:
+        params: the dataclass.
+        name: name of `params` itself, which messages begin with.
+
+    Raises:
+        ValueError: names the first field out of its bounds, its value and the
+            rule, such as `steps[1].length = nan: must be finite`.
     """
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
-        bounds = field.metadata.get("bounds", UNBOUNDED)
-        _check(getattr(params, field.name), _join(name, field.name), bounds)
+        _check(
+            getattr(params, field.name),
+            _join(name, field.name),
+            field.metadata.get("bounds", UNBOUNDED),
+        )
     if hasattr(params, "validate_more"):
         try:
             params.validate_more()
@@ -166,8 +198,9 @@ def _check(value: object, name: str, bounds: Bounds) -> None:
             _check(item, _join(name, str(key)), bounds)
     elif isinstance(value, str):
         if bounds.one_of and value not in bounds.one_of:
-            words = ", ".join(bounds.one_of)
-            raise ValueError(f"{name} = {value!r}: must be one of {words}")
+            raise ValueError(
+                f"{name} = {value!r}: must be one of {', '.join(bounds.one_of)}"
+            )
     elif isinstance(value, float | int) and not isinstance(value, bool):
         if not bounds.allow(value):
             raise ValueError(f"{name} = {value}: must be {bounds.rule(value)}")

@@ -45,29 +45,45 @@ _POWERS = {
 
 
 def scaled(params: T, size: Size, given: object = None) -> T:
-    """Returns the dataclass `params`, tuned on Nadia, for a robot of `size`.
+    """Parameters for a robot of another size than Nadia's.
 
-    Each number with a unit (`bounded`) is multiplied; for Nadia by exactly 1.
-    Values in `given`, a tree as from YAML or with dataclasses, are not scaled.
+    A number p with a unit (`bounded`) becomes p (l / l_Nadia)^k, with the
+    length l of its `of` and the power k of its unit; for Nadia exactly p.
+
+    Args:
+        params: dataclass, tuned on Nadia.
+        size: lengths of the robot [m].
+        given: tree as from YAML or with dataclasses; the values in it are not
+            scaled.
+
+    Returns:
+        A new dataclass like `params`.
     """
     tree = given if isinstance(given, dict) else {}
-    found = {}
-    for field in dataclasses.fields(params):  # type: ignore[arg-type]
-        name, bounds = field.name, field.metadata.get("bounds", UNBOUNDED)
-        value = getattr(params, name)
-        found[name] = _scaled(value, size, tree.get(name), bounds)
-    return dataclasses.replace(params, **found)  # type: ignore[type-var]
+    values = {
+        field.name: _scaled(
+            value=getattr(params, field.name),
+            size=size,
+            given=tree.get(field.name),
+            bounds=field.metadata.get("bounds", UNBOUNDED),
+        )
+        for field in dataclasses.fields(params)  # type: ignore[arg-type]
+    }
+    return dataclasses.replace(params, **values)  # type: ignore[type-var]
 
 
 def _scaled(value: Any, size: Size, given: object, bounds: Bounds) -> Any:
     if dataclasses.is_dataclass(value):
-        whole = dataclasses.is_dataclass(given)
-        return value if whole else scaled(value, size, given)
+        return (
+            value
+            if dataclasses.is_dataclass(given)
+            else scaled(value, size, given)
+        )
     if isinstance(value, list):
-        known = given if isinstance(given, list) else [given] * len(value)
+        parts = given if isinstance(given, list) else [given] * len(value)
         return [
-            _scaled(item, size, part, bounds)
-            for item, part in zip(value, known, strict=True)
+            _scaled(value=item, size=size, given=part, bounds=bounds)
+            for item, part in zip(value, parts, strict=True)
         ]
     power = _POWERS.get(bounds.unit, 0.0)
     if value is None or given is not None or not power or not bounds.of:

@@ -11,7 +11,12 @@ from pathlib import Path
 import pytest
 
 from nadia_balance import core
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import (
+    UNBOUNDED,
+    bounded,
+    check,
+    parameters,
+)
 
 NAN, INF = math.nan, math.inf
 
@@ -112,8 +117,10 @@ def parameter_table():
             ):
                 for part in dataclasses.fields(kind):
                     value = getattr(kind(), part.name)
-                    bounds = part.metadata.get("bounds")
-                    rule = bounds.one_of or bounds.rule(0.0) if bounds else ""
+                    bounds = part.metadata.get("bounds", UNBOUNDED)
+                    rule = bounds.one_of or bounds.rule(0.0)
+                    if bounds is UNBOUNDED:
+                        rule = ""
                     if not dataclasses.is_dataclass(value):
                         yield f"{name}.{part.name} = {value!r}  {rule}".strip()
                     else:

@@ -6,60 +6,97 @@ from dataclasses import dataclass
 from nadia_balance.core.body.model import LegGeometry, PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking import state as walking
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.walking.state import ContactSchedule, FootPose, Phase
+from nadia_balance.parameters.bounds import bounded, parameters
 
 
-@dataclass(kw_only=True)
+@parameters
 class ComHeightParams:
     """Gains of the vertical motion, and limits of the leg length."""
 
-    position_gain: float = bounded(50.0, above=0.0, unit="1/s^2")  # k_p
-    damping_ratio: float = bounded(0.9, above=0.0)  # zeta [-]
-    # Half of gravity, so that the feet keep their load.
-    max_acceleration: float = bounded(4.9, above=0, below=GRAVITY, unit="m/s^2")
-    # Bound on the commanded vertical velocity.
-    max_velocity: float = bounded(0.7, above=0.0, unit="m/s")
-    # Largest distance from hip to ankle, as a share of the straight leg.
-    max_stretch: float = bounded(0.97, above=0.0, most=1.0)
-    # Largest horizontal distance from hip to ankle while both feet carry, as a
-    # share of the distance of the feet: 0.5 if the hips are half-way.
-    reach_ratio: float = bounded(0.65, above=0.0, most=1.0)
-    # Lowest height, as a share of the nominal one.
-    min_height_ratio: float = bounded(0.8, above=0.0, most=1.0)
-    # Distance of the ICP from the eCMP beyond which the CoM sinks in a swing.
-    sink_distance: float = bounded(0.2, above=0.0, unit="m")
-    sink_gain: float = bounded(1.8, least=0.0)  # k_s [-]
+    position_gain: float = bounded(
+        50.0, above=0.0, unit="1/s^2", doc="k_p, of the height"
+    )
+    damping_ratio: float = bounded(
+        0.9, above=0.0, doc="zeta, of the closed loop"
+    )
+    max_acceleration: float = bounded(
+        4.9,
+        above=0,
+        below=GRAVITY,
+        unit="m/s^2",
+        doc="largest command; half of gravity, so that the feet keep their "
+        "load",
+    )
+    max_velocity: float = bounded(
+        0.7,
+        above=0.0,
+        unit="m/s",
+        doc="bound on the commanded vertical velocity",
+    )
+    max_stretch: float = bounded(
+        0.97,
+        above=0.0,
+        most=1.0,
+        doc="largest distance from hip to ankle, as a share of the straight "
+        "leg",
+    )
+    reach_ratio: float = bounded(
+        0.65,
+        above=0.0,
+        most=1.0,
+        doc="largest horizontal distance from hip to ankle while both feet "
+        "carry, as a share of the distance of the feet: 0.5 if the hips are "
+        "half-way",
+    )
+    min_height_ratio: float = bounded(
+        0.8,
+        above=0.0,
+        most=1.0,
+        doc="lowest height, as a share of the nominal one",
+    )
+    sink_distance: float = bounded(
+        0.2,
+        above=0.0,
+        unit="m",
+        doc="of the ICP from the eCMP, beyond which the CoM sinks in a swing",
+    )
+    sink_gain: float = bounded(1.8, least=0.0, doc="k_s, of the sinking")
 
 
 def leg_reach(
     legs: LegGeometry, com_height: float, lean: float
 ) -> tuple[float, float]:
-    """Returns length and width_max [m] of the base region of these legs.
+    """Length and width_max of the base region of these legs.
 
     It is ComHeight.height_limit solved for the step, with flat soles and the
     hips half-way, at the lowest CoM of the height plan, with legs of the
-    largest length or an outward angle of `lean` [rad]; `com_height` [m] is that
-    above the soles when standing.  Nadia's are those of Sec. VII to 1 %.
+    largest length or an outward angle.  Nadia's are those of Sec. VII to 1 %.
 
-    Raises ValueError: legs are straight at the lowest CoM, or hips too low.
+    Args:
+        legs: dimensions of the legs.
+        com_height: of the CoM above the soles when standing [m].
+        lean: outward angle of the leg [rad].
+
+    Returns:
+        Length [m] and width_max [m].
+
+    Raises:
+        ValueError: legs are straight at the lowest CoM, or hips too low.
     """
     params = ComHeightParams()
     above_ankle = legs.com_above_hip + legs.ankle_height
     hip = params.min_height_ratio * com_height - above_ankle
     longest = params.max_stretch * legs.length
     if not 0.0 < hip < longest:
-        low, high = (
-            (above_ankle + height) / params.min_height_ratio
-            for height in (0.0, longest)
-        )
+        low = above_ankle / params.min_height_ratio
+        high = (above_ankle + longest) / params.min_height_ratio
         raise ValueError(
             f"com_height = {com_height:g}: must leave the legs bent in a "
             f"crouch: in ({low:.3f}, {high:.3f}) m"
         )
     length = 2.0 * math.sqrt(longest**2 - hip**2)
-    aside = min(2.0 * hip * math.tan(lean), length)
-    return length, legs.hip_width + aside
+    return length, legs.hip_width + min(2.0 * hip * math.tan(lean), length)
 
 
 @dataclass(frozen=True)
@@ -71,16 +108,24 @@ class ComHeightPlan:
     duration: float
 
     def at(self, t: float) -> tuple[float, float]:
-        """Returns the height [m] and its rate [m/s] at the time `t` [s].
+        """The desired height at a time.
 
         A rise is a cubic, at rest at both ends and beyond.  A descent has a
         constant acceleration, so that the CoM falls at the touchdown (see
         `ComHeight.sinking`).
+
+        Args:
+            t: time since the phase began [s].
+
+        Returns:
+            Height in W [m] and its rate [m/s].
         """
         rise, s = self.end - self.start, min(max(t / self.duration, 0.0), 1.0)
         if rise < 0.0:
-            rate = 2.0 * rise * s / self.duration if s < 1.0 else 0.0
-            return self.start + rise * s * s, rate
+            return (
+                self.start + rise * s * s,
+                2.0 * rise * s / self.duration if s < 1.0 else 0.0,
+            )
         return (
             self.start + rise * s * s * (3.0 - 2.0 * s),
             rise * 6.0 * s * (1.0 - s) / self.duration,
@@ -94,15 +139,20 @@ class ComHeight:
     params: ComHeightParams
     model: PointMassModel
 
-    def height_limit(
-        self, stance: walking.FootPose, other: walking.FootPose
-    ) -> float:
-        """Returns the largest CoM height [m] above the soles of bent legs.
+    def height_limit(self, stance: FootPose, other: FootPose) -> float:
+        """The largest CoM height with bent legs.
 
         It follows from Pythagoras for a leg of `max_stretch` times its length
         and a horizontal distance of `reach_ratio` times that of the feet, less
-        `hip_width` sideways, as seen from the foot for which it is longer.  It
-        is between `min_height_ratio` and 1 times the nominal height.
+        `hip_width` sideways, as seen from the foot for which it is longer.
+
+        Args:
+            stance: pose of a sole in W.
+            other: pose of the other sole in W.
+
+        Returns:
+            Height above the soles [m], between `min_height_ratio` and 1 times
+            the nominal one.
         """
         params, legs = self.params, self.model.legs
         reach = 0.0
@@ -115,36 +165,49 @@ class ComHeight:
         limit = legs.ankle_height + leg + legs.com_above_hip
         return min(max(limit, params.min_height_ratio * nominal), nominal)
 
-    def plan(self, schedule: walking.ContactSchedule) -> ComHeightPlan:
-        """Returns the desired CoM height during the present phase.
+    def plan(self, schedule: ContactSchedule) -> ComHeightPlan:
+        """The desired CoM height during the present phase.
 
         It is the `height_limit` above the support sole (on uneven ground above
         the lower sole).  It changes only during a swing, from the limit at
         lift-off to that at the next foothold.
+
+        Args:
+            schedule: feet and phase.
+
+        Returns:
+            The height over the time in the phase.
         """
         side = schedule.support_side
         stance = schedule.feet[side]
 
-        def height(other: walking.FootPose) -> float:
+        def height(other: FootPose) -> float:
             ground = float(stance.p_WF[2])
             if self.model.is_uneven:
                 ground = min(ground, float(other.p_WF[2]))
             return ground + self.height_limit(stance, other)
 
         start = end = height(schedule.feet[side.other])
-        if schedule.phase is walking.Phase.SWING and schedule.footsteps:
+        if schedule.phase is Phase.SWING and schedule.footsteps:
             end = height(schedule.footsteps[0].pose)
         return ComHeightPlan(start, end, schedule.duration)
 
     def stance_limit(
-        self, com: Array, velocity: Array, schedule: walking.ContactSchedule
+        self, com: Array, velocity: Array, schedule: ContactSchedule
     ) -> tuple[float, float]:
-        """Returns the CoM height [m] in W that the stance leg allows, its rate.
+        """The CoM height that the stance leg allows.
 
-        The hip is `hip_width` / 2 beside the CoM, at the positions `com` (2,)
-        [m] and `velocity` (2,) [m/s] in W; it is at most `max_stretch` times
-        the leg's length from the ankle (Pythagoras).  The height is not below
-        `min_height_ratio`, where it has no rate [m/s].
+        The hip is `hip_width` / 2 beside the CoM; it is at most `max_stretch`
+        times the leg's length from the ankle (Pythagoras).
+
+        Args:
+            com: CoM (2,) in W [m].
+            velocity: its velocity (2,) in W [m/s].
+            schedule: feet and phase.
+
+        Returns:
+            Height in W [m], not below `min_height_ratio`, where it has no rate,
+            and its rate [m/s].
         """
         side, params, legs = schedule.support_side, self.params, self.model.legs
         stance = schedule.feet[side]
@@ -168,37 +231,61 @@ class ComHeight:
         rate: float,
         sinking: float = 0.0,
     ) -> float:
-        """Returns the desired vertical acceleration of the CoM [m/s^2].
+        """The vertical acceleration k_d (v - velocity) - sinking of the CoM.
 
-        It is a PD law on the height, `desired` [m] with its `rate` [m/s], with
-        the velocity command limited to `max_velocity` and the result to
-        `max_acceleration`, less `sinking` [m/s^2] within both limits (heights
-        [m], velocities [m/s], all in W).
+        The velocity command is v = rate + k_p / k_d (desired - height), within
+        `max_velocity`, the gain k_d = 2 zeta sqrt(k_p); the acceleration is
+        within `max_acceleration`, and lets no CoM fall faster than
+        `max_velocity`.
+
+        Args:
+            height: of the CoM in W [m].
+            velocity: its rate [m/s].
+            desired: desired height in W [m].
+            rate: its rate [m/s].
+            sinking: downward acceleration beside this law [m/s^2].
+
+        Returns:
+            Desired acceleration, upward [m/s^2].
         """
-        k_p, most = self.params.position_gain, self.params.max_velocity
+        k_p, limit = self.params.position_gain, self.params.max_acceleration
         k_d = 2.0 * self.params.damping_ratio * math.sqrt(k_p)
+        fastest = self.params.max_velocity
         command = rate + k_p / k_d * (desired - height)
-        command = min(max(command, -most), most)
-        limit = self.params.max_acceleration
-        wanted = min(max(k_d * (command - velocity), -limit), limit)
-        wanted = max(wanted - sinking, k_d * (-most - velocity))
-        return min(max(wanted, -limit), limit)
+        command = min(max(command, -fastest), fastest)
+        upward = min(max(k_d * (command - velocity), -limit), limit)
+        upward = max(upward - sinking, k_d * (-fastest - velocity))
+        return min(max(upward, -limit), limit)
 
     def sinking(
         self, com: Array, icp: Array, ecmp: Array, above: float
     ) -> float:
-        """Returns the acceleration [m/s^2] by which the CoM sinks in a swing.
+        """The acceleration by which the CoM sinks in a swing.
 
         It is k_s omega^2 (|icp - ecmp| - sink_distance) while the CoM is ahead
-        of the eCMP (points (2,) [m] in W), and, at `above` [m] over the support
-        sole, above `min_height_ratio`.  The ICP leaves an eCMP, to first order,
-        as exp(omega t + omega (z_dot(t) - z_dot(0)) / (2 g)): a CoM that falls
-        at the touchdown has gained on it.
+        of the eCMP and above `min_height_ratio`.  The ICP leaves an eCMP, to
+        first order, as exp(omega t + omega (z_dot(t) - z_dot(0)) / (2 g)): a
+        CoM that falls at the touchdown has gained on it.
+
+        Args:
+            com: CoM (2,) in W [m].
+            icp: ICP (2,) in W [m].
+            ecmp: eCMP (2,) in W [m].
+            above: height of the CoM over the support sole [m].
+
+        Returns:
+            Downward acceleration [m/s^2].
         """
         away, params = icp - ecmp, self.params
         far = math.hypot(*away)
-        low = above <= params.min_height_ratio * self.model.com_height
-        if low or far <= params.sink_distance or away @ (com - ecmp) <= 0.0:
+        if (
+            above <= params.min_height_ratio * self.model.com_height
+            or far <= params.sink_distance
+            or away @ (com - ecmp) <= 0.0
+        ):
             return 0.0
-        gain = params.sink_gain * self.model.omega**2
-        return gain * (far - params.sink_distance)
+        return (
+            params.sink_gain
+            * self.model.omega**2
+            * (far - params.sink_distance)
+        )

@@ -3,55 +3,84 @@
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from nadia_balance.core.body import reachability
-from nadia_balance.core.math import polygon as convex
+from nadia_balance.core.body.reachability import (
+    ReachabilityParams,
+    base_region,
+    in_world,
+)
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking import state as walking
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.math.polygon import (
+    area,
+    clip_all,
+    contains,
+    convex_hull,
+    halfspaces,
+    intersection,
+    project,
+)
+from nadia_balance.core.walking.state import (
+    UPRIGHT,
+    FootPose,
+    FootPoses,
+    Footstep,
+    Immutable,
+    Side,
+)
+from nadia_balance.parameters.bounds import bounded, parameters
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
 _TURN = math.pi / 12.0  # spacing of the yaws at which a sole is tried [rad]
 
 
+# No @parameters: slots would refuse what is computed once.
 @dataclass(kw_only=True)
 class Region:
-    """A convex part of a plane; `vertices` are its corners from above.
+    """A convex part of a plane, whose obstacles have no footholds."""
 
-    `height` is that at the mean of the vertices.  Obstacles have no footholds.
-    """
-
-    name: str = ""
-    vertices: list[list[float]] = field(default_factory=list)  # [x, y] in W [m]
-    height: float = 0.0  # [m]
-    normal: list[float] = field(default_factory=lambda: [0.0, 0.0, 1.0])
-    obstacle: bool = False
+    name: str = bounded("", doc="a name of its own")
+    vertices: list[list[float]] = bounded(
+        list, doc="corners [x, y] in W from above, in m"
+    )
+    height: float = bounded(0.0, doc="at the mean of the vertices, in m")
+    normal: list[float] = bounded(
+        lambda: [0.0, 0.0, 1.0], doc="upward normal [x, y, z] in W"
+    )
+    obstacle: bool = bounded(False, doc="true without footholds")
 
     def validate_more(self) -> None:
-        """Raises ValueError, with the name, if the region is not valid."""
-        corners, of = self.vertices, f"(region {self.name!r})"
-        if any(len(corner) != 2 for corner in corners):
-            raise ValueError(f"vertices = {corners} {of}: must be [x, y] each")
-        if not corners or not 3 <= len(self.polygon) == len(corners):
+        """Checks corners and normal.
+
+        Raises:
+            ValueError: the region is not valid; the message has its name.
+        """
+        name = f"(region {self.name!r})"
+        if any(len(corner) != 2 for corner in self.vertices):
             raise ValueError(
-                f"vertices = {corners} {of}: must be convex, with 3 or more "
-                "corners"
+                f"vertices = {self.vertices} {name}: must be [x, y] each"
+            )
+        if not self.vertices or not 3 <= len(self.polygon) == len(
+            self.vertices
+        ):
+            raise ValueError(
+                f"vertices = {self.vertices} {name}: must be convex, with 3 "
+                "or more corners"
             )
         if len(self.normal) != 3 or not self.normal[2] > 0.0:
             raise ValueError(
-                f"normal = {self.normal} {of}: must be [x, y, z] with z > 0, "
+                f"normal = {self.normal} {name}: must be [x, y, z] with z > 0, "
                 "or the region is upside down"
             )
 
     @cached_property
     def polygon(self) -> Array:
         """The corners (n, 2) [m], counter-clockwise."""
-        return convex.convex_hull(np.array(self.vertices, dtype=float))
+        return convex_hull(np.array(self.vertices, dtype=float))
 
     @cached_property
     def unit_normal(self) -> Array:
@@ -70,35 +99,63 @@ class Region:
         return bool(self.unit_normal[2] == 1.0)
 
     def heights(self, points: Array) -> Array:
-        """Returns the heights (n,) [m] of the plane at `points` (n, 2) [m]."""
+        """Heights of the plane: height - ((p - mean) . n_xy) / n_z.
+
+        Args:
+            points: points p (n, 2) in W [m].
+
+        Returns:
+            Heights (n,) in W [m].
+        """
         x, y, z = self.unit_normal.tolist()
-        offsets = points - self.polygon.mean(axis=0)
-        return np.asarray(self.height - offsets @ [x / z, y / z])
+        return np.asarray(
+            self.height - (points - self.polygon.mean(axis=0)) @ [x / z, y / z]
+        )
 
     def between(self, polygon: Array, lowest: float, highest: float) -> Array:
-        """Returns the part of `polygon` (n, 2) [m] between two heights [m]."""
+        """The part of a polygon where the plane is between two heights.
+
+        Args:
+            polygon: vertices (n, 2) in W [m].
+            lowest: height in W [m].
+            highest: height in W [m].
+
+        Returns:
+            Vertices (k, 2) in W [m]; (0, 2) if no area is left.
+        """
         x, y, z = self.unit_normal.tolist()
         slope = np.array([-x / z, -y / z])
         at_origin = float(self.heights(np.zeros((1, 2)))[0])
-        limits = np.array([highest - at_origin, at_origin - lowest])
-        return convex.clip_all(polygon, np.array([slope, -slope]), limits)
+        return clip_all(
+            polygon,
+            A=np.array([slope, -slope]),
+            b=np.array([highest - at_origin, at_origin - lowest]),
+        )
 
     def footholds(self, sole: Array, yaw: float, margin: float) -> Array:
-        """Returns the polygon (n, 2) [m] of sole centres, seen from above.
+        """The sole centres with the whole sole on the region.
 
         It is the Minkowski difference of the region and the sole, which has the
-        tilt of the plane and the `yaw` [rad], shrunk by `margin` [m]; `sole`
-        (k, 2) [m] in its own frame.  (0, 2) if the sole does not fit.
+        tilt of the plane, shrunk by the margin.
+
+        Args:
+            sole: corners (k, 2) in its own frame [m].
+            yaw: of the sole in W [rad].
+            margin: least distance of the sole to the edges [m].
+
+        Returns:
+            Vertices (n, 2) in W [m], seen from above; (0, 2) if it does not
+            fit.
         """
-        foot = walking.FootPose(yaw=yaw, normal=self.unit_normal)
-        corners = foot.outline(sole)
-        A, b = convex.halfspaces(self.polygon)
-        farthest = (A @ corners.T).max(axis=1)
-        return convex.clip_all(self.polygon, A, b - farthest - margin)
+        corners = FootPose(yaw=yaw, normal=self.unit_normal).outline(sole)
+        A, b = halfspaces(self.polygon)
+        return clip_all(
+            self.polygon, A, b - (A @ corners.T).max(axis=1) - margin
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class Ground(walking.Immutable):
+class Ground(Immutable):
     """All regions, with the sole (n, 2) [m] and its margin to their edges."""
 
     regions: tuple[Region, ...]
@@ -108,149 +165,230 @@ class Ground(walking.Immutable):
     @cached_property
     def is_level(self) -> bool:
         """True if all regions but obstacles are level, at z = 0."""
-        held = (region for region in self.regions if not region.obstacle)
-        return all(r.height == 0.0 and r.is_level for r in held)
+        return all(
+            region.obstacle or (region.height == 0.0 and region.is_level)
+            for region in self.regions
+        )
 
     @cached_property
-    def _known(self) -> dict[float, tuple[Array, ...]]:
+    def _footholds_by_yaw(self) -> dict[float, tuple[Array, ...]]:
         return {}
 
     def footholds(self, yaw: float) -> tuple[Array, ...]:
-        """Returns the foothold polygon of each region for this `yaw` [rad].
+        """The footholds of all regions.
 
-        Polygons (n, 2) [m] in W; (0, 2) where the sole does not fit.
+        Args:
+            yaw: of the sole in W [rad].
+
+        Returns:
+            A polygon (n, 2) in W [m] for each region; (0, 2) where the sole
+            does not fit.
         """
-        if yaw not in self._known:
-            self._known[yaw] = tuple(
+        if yaw not in self._footholds_by_yaw:
+            self._footholds_by_yaw[yaw] = tuple(
                 np.empty((0, 2))
                 if region.obstacle
                 else region.footholds(self.sole, yaw, self.margin)
                 for region in self.regions
             )
-        return self._known[yaw]
+        return self._footholds_by_yaw[yaw]
 
-    def allows(self, foot: walking.FootPose) -> bool:
-        """True if the sole is on a single region, with the margin."""
-        parts = (part for part in self.footholds(foot.yaw) if len(part))
-        return any(convex.contains(foot.p_WF[:2], p, _ROUNDING) for p in parts)
+    def allows(self, foot: FootPose) -> bool:
+        """Whether a sole is on a single region, with the margin.
+
+        Args:
+            foot: pose of the sole in W.
+
+        Returns:
+            True if its centre is a foothold.
+        """
+        return any(
+            len(part) > 0 and contains(foot.p_WF[:2], part, _ROUNDING)
+            for part in self.footholds(foot.yaw)
+        )
 
     def nearest(self, point: Array, yaw: float) -> Array | None:
-        """Returns the foothold (2,) [m] closest to `point` (2,), or None."""
+        """Minimises |p - point| subject to p being a foothold.
+
+        Args:
+            point: point (2,) in W [m].
+            yaw: of the sole in W [rad].
+
+        Returns:
+            The foothold p (2,) in W [m]; None if there is none.
+        """
         return _closest(point, self.footholds(yaw))
 
     def footholds_within(
         self, polygon: Array, yaw: float, lowest: float, highest: float
     ) -> Iterator[tuple[int, Array]]:
-        """Yields the footholds within `polygon` (n, 2) [m] in W, by region.
+        """The footholds within a polygon and between two heights.
 
-        Each is the index of a region, and the part (k, 2) [m] of its footholds
-        for this `yaw` [rad] at heights from `lowest` to `highest` [m].
+        Args:
+            polygon: vertices (n, 2) in W [m].
+            yaw: of the sole in W [rad].
+            lowest: height in W [m].
+            highest: height in W [m].
+
+        Yields:
+            The index of a region, and its part (k, 2) in W [m] that is not
+            empty.
         """
         for index, hold in enumerate(self.footholds(yaw)):
-            part = convex.intersection(polygon, hold) if len(hold) else hold
+            part = intersection(polygon, hold) if len(hold) else hold
             part = self.regions[index].between(part, lowest, highest)
             if len(part):
                 yield index, part
 
-    def region_under(self, foot: walking.FootPose) -> Region | None:
-        """Returns the region that contains the whole sole on it, or None."""
+    def region_under(self, foot: FootPose) -> Region | None:
+        """The region that a sole stands on.
+
+        Args:
+            foot: pose of the sole in W; it is tilted as the region is.
+
+        Returns:
+            The region that contains the whole sole, or None.
+        """
         for region in self.regions:
-            within = region.polygon, _ROUNDING
-            if region.obstacle or not convex.contains(foot.p_WF[:2], *within):
-                continue
-            lies = replace(foot, normal=region.unit_normal)
-            if all(
-                convex.contains(p, *within) for p in lies.outline(self.sole)
+            if region.obstacle or not contains(
+                foot.p_WF[:2], region.polygon, _ROUNDING
             ):
+                continue
+            outline = replace(foot, normal=region.unit_normal).outline(
+                self.sole
+            )
+            if all(contains(p, region.polygon, _ROUNDING) for p in outline):
                 return region
         return None
 
-    def pose(self, point: Array, yaw: float, height: float) -> walking.FootPose:
-        """Returns the sole at `point` (2,) [m], on the plane of its region.
+    def pose(self, point: Array, yaw: float, height: float) -> FootPose:
+        """The sole on the plane of its region.
 
-        Without a region, the sole is level at `height` [m].
+        Args:
+            point: centre of the sole (2,) in W [m].
+            yaw: of the sole in W [rad].
+            height: of a level sole in W [m], where there is no region.
+
+        Returns:
+            Pose of the sole in W.
         """
-        foot = walking.FootPose(np.append(point, height), yaw)
-        if (region := self.region_under(foot)) is None:
+        foot = FootPose(np.append(point, height), yaw)
+        region = self.region_under(foot)
+        if region is None:
             return foot
         p_WF = np.append(point, region.heights(point[None]))
-        if region.is_level:
-            return walking.FootPose(p_WF, yaw)
-        return walking.FootPose(p_WF, yaw, region.unit_normal)
+        normal = UPRIGHT if region.is_level else region.unit_normal
+        return FootPose(p_WF, yaw, normal)
 
 
-def standing_on(ground: Ground, feet: walking.FootPoses) -> walking.FootPoses:
-    """Returns the feet with the heights and normals of their regions.
+def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
+    """Feet with the heights and normals of their regions.
 
-    Raises ValueError: a foot is not on a single region.
+    Args:
+        ground: the regions.
+        feet: poses in W.
+
+    Returns:
+        Poses in W.
+
+    Raises:
+        ValueError: a foot is not on a single region.
     """
-    for side in walking.Side:
-        what = f"{side.value} foot at the start"
-        feet = feet.with_foot(side, _on_region(ground, feet[side], what))
+    for side in Side:
+        pose = _on_region(ground, feet[side], f"{side.value} foot at the start")
+        feet = feet.with_foot(side, pose)
     return feet
 
 
 def steps_on(
     ground: Ground,
-    steps: Iterable[walking.Footstep],
-    feet: walking.FootPoses,
-    reach: reachability.ReachabilityParams | None,
-) -> tuple[walking.Footstep, ...]:
-    """Returns the steps with the heights and normals of their regions.
+    steps: Iterable[Footstep],
+    feet: FootPoses,
+    reach: ReachabilityParams | None,
+) -> tuple[Footstep, ...]:
+    """Steps with the heights and normals of their regions.
 
-    If a `reach` is given, each is moved to the nearest foothold within reach of
-    its stance foot, the first at `feet`.
+    Args:
+        ground: the regions.
+        steps: steps on level ground.
+        feet: where the feet stand, in W.
+        reach: if it is given, each step is moved to the nearest foothold within
+            reach of its stance foot.
 
-    Raises ValueError: a step is not on a single region, or there is no foothold
-    within reach, or the ground has a hole wider than the reach.
+    Returns:
+        The steps.
+
+    Raises:
+        ValueError: a step is not on a single region, or there is no foothold
+            within reach, or the ground has a hole wider than the reach.
     """
-    found = []
+    placed = []
     for number, step in enumerate(steps, start=1):
-        what = f"step {number} ({step.side.value})"
-        placed: walking.Footstep | None
+        name = f"step {number} ({step.side.value})"
         if reach is None:
-            placed = replace(step, pose=_on_region(ground, step.pose, what))
+            pose = _on_region(ground, step.pose, name)
         else:
-            base = reachability.base_region(reach)
-            stance = feet[step.side.other]
-            within = reachability.in_world(base, stance, step.side)
-            placed = moved_to(ground, step, [within])
-        if placed is None:
-            raise ValueError(
-                f"{what}: must fit on a region within reach of the other foot; "
-                f"{_beside(ground, step.pose)}"
+            pose = _within_reach(
+                ground,
+                step,
+                region=in_world(
+                    base_region(reach), feet[step.side.other], step.side
+                ),
+                longest=reach.length_forward,
+                name=name,
             )
-        if reach is not None:
-            x, y, _ = placed.pose.p_WF.tolist()
-            goal = ground.nearest(step.pose.p_WF[:2], step.pose.yaw)
-            assert goal is not None
-            if (wide := math.dist(goal, (x, y))) > reach.length_forward:
-                raise ValueError(
-                    f"{what}: from x = {x:.3f}, y = {y:.3f} m a hole of "
-                    f"{wide:.3f} m, between footholds, must be within the "
-                    f"reach of {reach.length_forward:.3f} m"
-                )
-        feet = feet.with_foot(step.side, placed.pose)
-        found.append(placed)
-    return tuple(found)
+        feet = feet.with_foot(step.side, pose)
+        placed.append(replace(step, pose=pose))
+    return tuple(placed)
+
+
+def _within_reach(
+    ground: Ground, step: Footstep, region: Array, longest: float, name: str
+) -> FootPose:
+    """Returns the nearest foothold in the region (n, 2); raises ValueError."""
+    placed = moved_to(ground, step, [region])
+    goal = ground.nearest(step.pose.p_WF[:2], step.pose.yaw)
+    if placed is None or goal is None:
+        raise ValueError(
+            f"{name}: must fit on a region within reach of the other foot; "
+            f"{_beside(ground, step.pose)}"
+        )
+    x, y, _ = placed.pose.p_WF.tolist()
+    width = math.dist(goal, (x, y))
+    if width > longest:
+        raise ValueError(
+            f"{name}: from x = {x:.3f}, y = {y:.3f} m a hole of "
+            f"{width:.3f} m, between footholds, must be within the "
+            f"reach of {longest:.3f} m"
+        )
+    return placed.pose
 
 
 def moved_to(
     ground: Ground,
-    step: walking.Footstep,
+    step: Footstep,
     within: Iterable[Array],
     height: float = 0.0,
     rise: float = math.inf,
-) -> walking.Footstep | None:
-    """Returns the step at the nearest foothold in the first feasible polygon.
+) -> Footstep | None:
+    """Minimises the distance to a step's foothold subject to what is allowed.
 
-    Polygons (n, 2) [m] in W, in order; None if none contains a foothold that is
-    at most `rise` [m] above or below `height` [m].
+    Args:
+        ground: the regions.
+        step: whose foothold is moved.
+        within: polygons (n, 2) in W [m]; the first that contains a foothold
+            counts.
+        height: of the other foot in W [m].
+        rise: largest difference of the foothold's height to `height` [m].
+
+    Returns:
+        The moved step; None if no polygon contains a foothold.
     """
     p, yaw = step.pose.p_WF, step.pose.yaw
     for polygon in within:
-        levels = yaw, height - rise, height + rise
-        parts = ground.footholds_within(polygon, *levels)
+        parts = ground.footholds_within(
+            polygon, yaw, lowest=height - rise, highest=height + rise
+        )
         point = _closest(p[:2], (part for _, part in parts))
         if point is not None:
             return replace(step, pose=ground.pose(point, yaw, float(p[2])))
@@ -259,37 +397,45 @@ def moved_to(
 
 def _closest(point: Array, parts: Iterable[Array]) -> Array | None:
     """Returns the point (2,) of polygons closest to `point`; None if empty."""
-    points = [convex.project(point, part) for part in parts if len(part)]
-    return min(points, key=lambda p: math.dist(p, point), default=None)
+    return min(
+        [project(point, part) for part in parts if len(part)],
+        key=lambda p: math.dist(p, point),
+        default=None,
+    )
 
 
-def _on_region(
-    ground: Ground, foot: walking.FootPose, what: str
-) -> walking.FootPose:
-    """Returns the foot on its region; raises ValueError about `what`."""
+def _on_region(ground: Ground, foot: FootPose, name: str) -> FootPose:
+    """Returns the foot on its region; raises ValueError with the `name`."""
     if ground.region_under(foot) is None:
-        raise ValueError(f"{what}: {_beside(ground, foot)}")
+        raise ValueError(f"{name}: {_beside(ground, foot)}")
     return ground.pose(foot.p_WF[:2], foot.yaw, 0.0)
 
 
-def _beside(ground: Ground, foot: walking.FootPose) -> str:
+def _beside(ground: Ground, foot: FootPose) -> str:
     """Returns the foot's position and the nearest foothold, as a message."""
     x, y, _ = foot.p_WF.tolist()
     point = ground.nearest(foot.p_WF[:2], foot.yaw)
-    where = f"the sole at x = {x:.3f}, y = {y:.3f} m must be on one region"
+    message = f"the sole at x = {x:.3f}, y = {y:.3f} m must be on one region"
     if point is None:
-        return f"{where}, and fits on none"
+        return f"{message}, and fits on none"
     region = ground.region_under(ground.pose(point, foot.yaw, 0.0))
     name = "" if region is None else f", on {region.name!r}"
-    away = math.dist(point, (x, y))
     return (
-        f"{where}; the nearest foothold is x = {point[0]:.3f}, "
-        f"y = {point[1]:.3f} m{name}, {away:.3f} m away"
+        f"{message}; the nearest foothold is x = {point[0]:.3f}, "
+        f"y = {point[1]:.3f} m{name}, {math.dist(point, (x, y)):.3f} m away"
     )
 
 
 def check_ground(ground: Ground) -> None:
-    """Raises ValueError if regions overlap, or soles do not fit on one."""
+    """Checks regions against each other, and against the sole.
+
+    Args:
+        ground: the regions.
+
+    Raises:
+        ValueError: regions overlap, or have no name of their own, or the sole
+            does not fit on one.
+    """
     names = [region.name for region in ground.regions]
     for name in names:
         if not name or names.count(name) > 1:
@@ -306,7 +452,7 @@ def check_ground(ground: Ground) -> None:
                 f"{ground.margin} m on each side"
             )
     for one, other in itertools.combinations(ground.regions, 2):
-        shared = convex.area(convex.intersection(one.polygon, other.polygon))
+        shared = area(intersection(one.polygon, other.polygon))
         if shared > _OVERLAP:
             raise ValueError(
                 f"regions {one.name!r} and {other.name!r}, at heights "
@@ -316,50 +462,74 @@ def check_ground(ground: Ground) -> None:
 
 
 def check_friction(ground: Ground, friction: float) -> None:
-    """Raises ValueError if a region is too steep for this `friction`."""
+    """Checks the slopes of regions.
+
+    Args:
+        ground: the regions.
+        friction: coefficient of friction [-].
+
+    Raises:
+        ValueError: a region is too steep.
+    """
     for region in ground.regions:
         if not region.obstacle and region.slope >= friction:
-            tilt, most = (math.atan(s) for s in (region.slope, friction))
             raise ValueError(
                 f"region {region.name!r}: must be tilted by less than "
-                f"{math.degrees(most):.1f} deg, as friction is {friction:g}, "
-                f"but is by {math.degrees(tilt):.1f} deg"
+                f"{math.degrees(math.atan(friction)):.1f} deg, as friction is "
+                f"{friction:g}, but is by "
+                f"{math.degrees(math.atan(region.slope)):.1f} deg"
             )
 
 
-@dataclass(kw_only=True)
+@parameters
 class GroundError:
     """Bounds of the random errors in the controller's knowledge of regions."""
 
-    height: float = bounded(0.0, least=0.0, most=0.2, unit="m")
-    tilt_deg: float = bounded(0.0, least=0.0, most=20.0, unit="deg")
-    place: float = bounded(0.0, least=0.0, most=0.5, unit="m")
+    height: float = bounded(
+        0.0, least=0.0, most=0.2, unit="m", doc="error of the height"
+    )
+    tilt_deg: float = bounded(
+        0.0, least=0.0, most=20.0, unit="deg", doc="error of the tilt"
+    )
+    place: float = bounded(
+        0.0, least=0.0, most=0.5, unit="m", doc="error along x, and along y"
+    )
 
 
 def believed(
     regions: tuple[Region, ...], error: GroundError, seed: int, start: Array
 ) -> tuple[Region, ...]:
-    """Returns the regions with random errors, determined by `seed`.
+    """The regions with random errors.
 
-    The region at the robot's `start` (2,) [m] has no error.
+    Args:
+        regions: the true ones.
+        error: bounds of the errors.
+        seed: of the random numbers.
+        start: the robot's place (2,) in W [m]; the region there has no error.
+
+    Returns:
+        The regions that the controller is given.
     """
     if error == GroundError():
         return regions
     rng = np.random.default_rng(seed)
-    found = []
-    for region in regions:
-        if convex.contains(start, region.polygon):
-            found.append(region)
-            continue
-        up, dx, dy, tilt_x, tilt_y = rng.uniform(-1.0, 1.0, 5).tolist()
-        slope = math.tan(math.radians(error.tilt_deg))
-        x, y, z = region.normal
-        du, dv = dx * error.place, dy * error.place
-        wrong = replace(
-            region,
-            vertices=[[u + du, v + dv] for u, v in region.vertices],
-            normal=[x + tilt_x * slope * z, y + tilt_y * slope * z, z],
-            height=region.height + up * error.height,
-        )
-        found.append(wrong)
-    return tuple(found)
+    return tuple(
+        region
+        if contains(start, region.polygon)
+        else _with_error(region, error, rng.uniform(-1.0, 1.0, 5))
+        for region in regions
+    )
+
+
+def _with_error(region: Region, error: GroundError, shares: Array) -> Region:
+    """Returns the region with these shares (5,) of the largest errors."""
+    up, dx, dy, tilt_x, tilt_y = shares.tolist()
+    slope = math.tan(math.radians(error.tilt_deg))
+    x, y, z = region.normal
+    du, dv = dx * error.place, dy * error.place
+    return replace(
+        region,
+        vertices=[[u + du, v + dv] for u, v in region.vertices],
+        normal=[x + tilt_x * slope * z, y + tilt_y * slope * z, z],
+        height=region.height + up * error.height,
+    )

@@ -11,20 +11,34 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import natural_frequency
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 
 
-@dataclass(kw_only=True)
+@parameters
 class LegGeometry:
     """Dimensions of the legs."""
 
-    # Distance from the hip pitch axis to the ankle with a straight knee.
-    length: float = bounded(0.0, above=0.0, unit="m", of="")
-    # Above the sole.
-    ankle_height: float = bounded(0.0, above=0.0, unit="m", of="")
-    com_above_hip: float = 0.0  # vertical, in the nominal posture [m]
-    # Lateral distance of the hip pitch axes.
-    hip_width: float = bounded(0.0, above=0.0, unit="m", of="")
+    length: float = bounded(
+        0.0,
+        above=0.0,
+        unit="m",
+        of="",
+        doc="distance from the hip pitch axis to the ankle with a straight "
+        "knee",
+    )
+    ankle_height: float = bounded(
+        0.0, above=0.0, unit="m", of="", doc="of the ankle above the sole"
+    )
+    com_above_hip: float = bounded(
+        0.0, doc="of the CoM, vertical, in the nominal posture, in m"
+    )
+    hip_width: float = bounded(
+        0.0,
+        above=0.0,
+        unit="m",
+        of="",
+        doc="lateral distance of the hip pitch axes",
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,19 +74,34 @@ class PointMassModel:
         return natural_frequency(self.com_height)
 
 
-@dataclass(kw_only=True)
+@parameters
 class JointDriveParams:
     """Parameters of all drives; other torque and speed limits: see URDF."""
 
-    # Bandwidth of the torque, a first-order lag.
-    bandwidth: float = bounded(40.0, above=0.0, unit="Hz")
-    # Share of the speed limit up to which the full torque is available; above
-    # it the torque limit decreases linearly to 0 at the speed limit.
-    corner_speed: float = bounded(0.5, above=0.0, below=1.0)
-    # Largest rate of a commanded torque, in shares of its limit.
-    max_torque_rate: float = bounded(50.0, above=0.0, unit="1/s", of="")
-    # Torque limits [N m] by joint, in place of those of the URDF.
-    max_torque: dict[str, float] = bounded(dict, above=0.0, unit="N m")
+    bandwidth: float = bounded(
+        40.0, above=0.0, unit="Hz", doc="of the torque, a first-order lag"
+    )
+    corner_speed: float = bounded(
+        0.5,
+        above=0.0,
+        below=1.0,
+        doc="share of the speed limit up to which the full torque is "
+        "available; above it the torque limit decreases linearly to 0 at the "
+        "speed limit",
+    )
+    max_torque_rate: float = bounded(
+        50.0,
+        above=0.0,
+        unit="1/s",
+        of="",
+        doc="largest rate of a commanded torque, in shares of its limit",
+    )
+    max_torque: dict[str, float] = bounded(
+        dict,
+        above=0.0,
+        unit="N m",
+        doc="torque limits by joint, in place of those of the URDF",
+    )
 
     @property
     def lag(self) -> float:
@@ -83,10 +112,19 @@ class JointDriveParams:
 def torque_limits(
     speed: Array, max_torque: Array, max_speed: Array, corner_speed: float
 ) -> Array:
-    """Returns the least and the largest torque (2, n) [N m] of n drives.
+    """The torques of drives within max_torque and the torque-speed line.
 
-    `speed` (n,) [rad/s], with limits `max_torque` (n,) [N m] and `max_speed`
-    (n,) [rad/s]: the torque-speed line bounds driving, not braking torques.
+    The line bounds driving, not braking torques: it falls from max_torque at
+    corner_speed max_speed to 0 at max_speed.
+
+    Args:
+        speed: speeds (n,) of n drives [rad/s].
+        max_torque: torque limits (n,) [N m].
+        max_speed: speed limits (n,) [rad/s].
+        corner_speed: share of the speed limit with the full torque [-].
+
+    Returns:
+        The least and the largest torque (2, n) [N m].
     """
     # In place for speed: called in every step of the plant.
     limits = np.empty((2, speed.size))
@@ -100,8 +138,13 @@ def torque_limits(
 
 
 def lag_share(bandwidth: float, period: float) -> float:
-    """Returns the step response [-] of the torque after `period` [s].
+    """The step response 1 - exp(-2 pi bandwidth period) of the torque.
 
-    The drive is a first-order lag with the 3 dB `bandwidth` [Hz].
+    Args:
+        bandwidth: of 3 dB, of the first-order lag [Hz].
+        period: time since the step [s].
+
+    Returns:
+        Share of the step [-].
     """
     return -math.expm1(-2.0 * math.pi * bandwidth * period)

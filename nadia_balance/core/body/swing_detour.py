@@ -12,9 +12,14 @@ import numpy as np
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import convex_hull, intersection
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.state import FootPose, Side
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    FootPose,
+    Immutable,
+    Phase,
+    Side,
+)
+from nadia_balance.parameters.bounds import bounded, parameters
 
 Point = tuple[float, float]
 
@@ -36,31 +41,80 @@ _DESCENT = 0.1  # last distance in which the clearance falls to 0 [m]
 _SHORTEST = 0.02  # shorter paths have no edges [m]
 
 
-@dataclass(kw_only=True)
+@parameters
 class SwingDetourParams:
-    """Distances of the soles in passing, and limits of the foot's motion."""
+    """Distances of the soles in passing, and limits of the foot's motion.
 
-    # Distances of the sole centres, in front of the stance foot or behind it,
-    # and to its swing side, for a sole of 0.25 m x 0.12 m, a shin of 0.11 m x
-    # 0.12 m, and 3 cm of clearance.
-    ahead: float = bounded(0.28, least=0, most=1, unit="m", of="sole_length")
-    beside: float = bounded(0.15, least=0, most=1, unit="m", of="sole_width")
-    # Horizontal; accelerating the leg has a reaction on the rest of the robot.
-    max_acceleration: float = bounded(50.0, above=0.0, unit="m/s^2")
-    # Mean horizontal speed of a swing.
-    max_speed: float = bounded(3.0, above=0.0, finite=False, unit="m/s")
-    # Mean velocity of the descent to the ground.
-    max_descent: float = bounded(0.9, above=0.0, finite=False, unit="m/s")
-    # Deceleration of the descent to the touchdown velocity.
-    max_braking: float = bounded(30.0, above=0.0, finite=False, unit="m/s^2")
-    # Time above the foothold before touchdown, so that the foot does not slide.
-    settling: float = bounded(0.01, least=0.0, most=0.2, unit="s")
+    The distances are for a sole of 0.25 m x 0.12 m, a shin of 0.11 m x 0.12 m,
+    and 3 cm of clearance.
+    """
+
+    ahead: float = bounded(
+        0.28,
+        least=0,
+        most=1,
+        unit="m",
+        of="sole_length",
+        doc="distance of the sole centres, in front of the stance foot or "
+        "behind it",
+    )
+    beside: float = bounded(
+        0.15,
+        least=0,
+        most=1,
+        unit="m",
+        of="sole_width",
+        doc="distance of the sole centres, to the swing side",
+    )
+    max_acceleration: float = bounded(
+        50.0,
+        above=0.0,
+        unit="m/s^2",
+        doc="horizontal; accelerating the leg has a reaction on the rest of "
+        "the robot",
+    )
+    max_speed: float = bounded(
+        3.0,
+        above=0.0,
+        finite=False,
+        unit="m/s",
+        doc="mean horizontal speed of a swing",
+    )
+    max_descent: float = bounded(
+        0.9,
+        above=0.0,
+        finite=False,
+        unit="m/s",
+        doc="mean velocity of the descent to the ground",
+    )
+    max_braking: float = bounded(
+        30.0,
+        above=0.0,
+        finite=False,
+        unit="m/s^2",
+        doc="deceleration of the descent to the touchdown velocity",
+    )
+    settling: float = bounded(
+        0.01,
+        least=0.0,
+        most=0.2,
+        unit="s",
+        doc="time above the foothold before touchdown, so that the foot does "
+        "not slide",
+    )
 
     def time_from_rest(self, length: float) -> float:
-        """Returns the least time [s] for a path of `length` [m] and landing.
+        """The least time for a path and landing.
 
         The foot accelerates for one half of the path and brakes for the other,
-        with its mean speed limited to `max_speed`.
+        with its mean speed limited: max(2 sqrt(length / max_acceleration),
+        length / max_speed) + settling.
+
+        Args:
+            length: of the path [m].
+
+        Returns:
+            Time [s].
         """
         fastest = 2.0 * math.sqrt(length / self.max_acceleration)
         return max(fastest, length / self.max_speed) + self.settling
@@ -68,13 +122,22 @@ class SwingDetourParams:
     def way_round(
         self, start: Array, goal: Array, stance: FootPose, swing: Side
     ) -> Array:
-        """Returns the points (n, 2) [m] in W of the shortest path to the goal.
+        """Minimises the length of a path past the stance foot.
 
-        It leads in straight lines from `start` (2,) past up to two corners of
-        the stance foot to `goal` (2,); both ends are included.  The corners are
-        closer to the stance foot if start or goal is.
+        It leads in straight lines past up to two corners of the stance foot.
+        The corners are closer to the stance foot if start or goal is.
+
+        Args:
+            start: where the foot is (2,) in W [m].
+            goal: its foothold (2,) in W [m].
+            stance: pose of the stance foot in W.
+            swing: side of the swing foot.
+
+        Returns:
+            Points (n, 2) in W [m], `start` and `goal` included.
         """
-        p, q = (_beside(stance, swing, *at.tolist()) for at in (start, goal))
+        p = _beside(stance, swing, *start.tolist())
+        q = _beside(stance, swing, *goal.tolist())
         ahead = min(self._length(p), self._length(q))
         low, high = min(p[0], q[0]), max(p[0], q[0])
         corners = []
@@ -82,28 +145,34 @@ class SwingDetourParams:
             corners.append((-ahead, self.beside))
         if low < ahead <= high:
             corners.append((ahead, self.beside))
-        way, left = [p], corners if q[0] > p[0] else corners[::-1]
+        path, left = [p], corners if q[0] > p[0] else corners[::-1]
         while left:  # shortest path: next is the point most to the swing side
-            x, y = way[-1]
+            x, y = path[-1]
             corner = max(
                 [*left, q], key=lambda c: math.atan2(c[1] - y, abs(c[0] - x))
             )
             if corner is q:
                 break
-            way.append(corner)
+            path.append(corner)
             left = [c for c in left if abs(c[0] - q[0]) < abs(corner[0] - q[0])]
-        passed = [(x, swing.sign * y) for x, y in way[1:]]
+        passed = [(x, swing.sign * y) for x, y in path[1:]]
         points = stance.to_world(np.array(passed)) if passed else ()
         return np.array((start, *points, goal))
 
-    def shortest_time(self, way: Array, velocity: Array = _AT_REST) -> float:
-        """Returns the least time [s] of the foot to the end of the path `way`.
+    def shortest_time(self, path: Array, velocity: Array = _AT_REST) -> float:
+        """The least time of the foot to the end of a path, where it rests.
 
-        The path has the points `way` (n, 2) [m], from `velocity` (2,) [m/s] to
-        rest.  The foot accelerates and brakes; or brakes harder on the whole
-        path; or, too fast, overshoots and returns.  Only forward speed counts.
+        The foot accelerates and brakes; or brakes harder on the whole path; or,
+        too fast, overshoots and returns.  Only forward speed counts.
+
+        Args:
+            path: points (n, 2) [m].
+            velocity: at its begin (2,) [m/s].
+
+        Returns:
+            Time [s].
         """
-        parts = (way[1:] - way[:-1]).tolist()
+        parts = (path[1:] - path[:-1]).tolist()
         length = sum(math.hypot(*part) for part in parts)
         (x, y), (vx, vy) = parts[0], velocity.tolist()
         v, d = math.hypot(vx, vy), math.hypot(x, y)
@@ -116,18 +185,25 @@ class SwingDetourParams:
             return max(fastest, length / self.max_speed)
         if stop <= PEAK * length:
             return 2.0 * length / v
-        back = stop / PEAK - length
-        return v / (PEAK * a) + 2.0 * math.sqrt(back / a)
+        return v / (PEAK * a) + 2.0 * math.sqrt((stop / PEAK - length) / a)
 
     def time_of_way(
         self, start: Array, goal: Array, stance: FootPose, swing: Side
     ) -> float:
-        """Returns the least time [s] from rest at `start` to landing at `goal`.
+        """The least time from rest to landing, past the stance foot.
 
-        Points (2,) [m] in W; the path passes the `stance` foot.
+        Args:
+            start: where the foot is (2,) in W [m].
+            goal: its foothold (2,) in W [m].
+            stance: pose of the stance foot in W.
+            swing: side of the swing foot.
+
+        Returns:
+            Time [s].
         """
-        way = self.way_round(start, goal, stance, swing)
-        return self.shortest_time(way) + self.settling
+        return self.settling + self.shortest_time(
+            self.way_round(start, goal, stance=stance, swing=swing)
+        )
 
     def _length(self, p: Point) -> float:
         """Returns `ahead`, or less if `p` is closer in front or behind."""
@@ -143,7 +219,7 @@ def _beside(stance: FootPose, swing: Side, x: float, y: float) -> Point:
 
 
 @dataclass(frozen=True, eq=False)
-class SwingEdges(walking.Immutable):
+class SwingEdges(Immutable):
     """The edges on the straight path from `start` to `goal` (3,) [m].
 
     `heights` (n,) [m] are the least heights of the sole's centre at equal
@@ -158,23 +234,39 @@ class SwingEdges(walking.Immutable):
     @property
     def top(self) -> float:
         """Height [m] of the highest edge, or of the goal."""
-        highest = float(self.heights.max()) - self.clearance
-        return max(highest, float(self.goal[2]))
+        return max(
+            float(self.heights.max()) - self.clearance, float(self.goal[2])
+        )
 
     @property
     def drop(self) -> float:
         """Height [m] of descent after the last edge."""
-        nearby = self.heights[-1 - _PARTS // 5 :].max()
-        return max(float(nearby - self.goal[2]), 0.0)
+        return max(
+            float(self.heights[-1 - _PARTS // 5 :].max() - self.goal[2]), 0.0
+        )
 
     def needed(self, points: Array) -> Array:
-        """Returns the least heights (k,) [m] of the sole at `points` (k, 2)."""
+        """The least heights of the sole.
+
+        Args:
+            points: where its centre is (k, 2) in W [m].
+
+        Returns:
+            Heights (k,) in W [m].
+        """
         s = self._progress(points)
         below, above = np.floor(s).astype(int), np.ceil(s).astype(int)
         return np.asarray(np.maximum(self.heights[below], self.heights[above]))
 
     def are_in_the_way(self, p_WF: Array) -> bool:
-        """True if a sole at `p_WF` (3,) [m] must rise before it moves on."""
+        """Whether a sole must rise before it moves on.
+
+        Args:
+            p_WF: its centre (3,) in W [m].
+
+        Returns:
+            True before an edge that is higher, by half of the clearance.
+        """
         s = float(self._progress(p_WF[None, :2])[0])
         ahead = math.ceil(s + _PARTS * _AHEAD / self._length)
         highest = self.heights[math.floor(s) : ahead + 1].max()
@@ -186,42 +278,58 @@ class SwingEdges(walking.Immutable):
 
     def _progress(self, points: Array) -> Array:
         """Returns the passed path intervals (k,) [-] at `points` (k, 2)."""
-        way = self.goal[:2] - self.start[:2]
-        share = (points - self.start[:2]) @ way / (way @ way)
+        path = self.goal[:2] - self.start[:2]
+        share = (points - self.start[:2]) @ path / (path @ path)
         return np.asarray(_PARTS * np.minimum(np.maximum(share, 0.0), 1.0))
 
 
 def edges_on_way(
-    schedule: walking.ContactSchedule, ground: Ground | None, clearance: float
+    schedule: ContactSchedule, ground: Ground | None, clearance: float
 ) -> SwingEdges | None:
-    """Returns the edges on the path of the swing of `schedule`, or None.
+    """The edges on the path of the present swing.
 
     An edge is ground above the straight line from lift-off to the foothold.
+
+    Args:
+        schedule: feet, phase and footsteps.
+        ground: the regions; None: unlimited level ground.
+        clearance: of the sole over an edge [m].
+
+    Returns:
+        The edges; None if there are none, or no swing.
     """
-    swings = schedule.phase is walking.Phase.SWING
-    if not swings or ground is None or ground.is_level:
+    if schedule.phase is not Phase.SWING or ground is None or ground.is_level:
         return None
     step = schedule.footsteps[0]
     start, goal = schedule.feet[step.side], step.pose
     length = math.dist(start.p_WF[:2], goal.p_WF[:2])
     if length < _SHORTEST:
         return None
-    found = touching_heights(ground, start, goal)
+    touching = touching_heights(ground, start, goal)
     s = np.linspace(0.0, 1.0, _PARTS + 1)
     line = (1.0 - s) * start.p_WF[2] + s * goal.p_WF[2]
     above = clearance * np.minimum((1.0 - s) * length / _DESCENT, 1.0)
-    heights = np.where(found > line + _RISE, found + above, -np.inf)
+    heights = np.where(touching > line + _RISE, touching + above, -np.inf)
     if not np.any(heights > -np.inf):
         return None
-    return SwingEdges(start.p_WF, goal.p_WF, heights, clearance)
+    return SwingEdges(
+        start=start.p_WF, goal=goal.p_WF, heights=heights, clearance=clearance
+    )
 
 
 def touching_heights(ground: Ground, start: FootPose, goal: FootPose) -> Array:
-    """Returns the contact heights (n,) [m] of a sole along its path.
+    """The contact heights of a sole along its path.
 
     They are those of the centre of the sole, _BESIDE larger on each side, at
-    equal distances on the straight path from `start` to `goal`, while it turns
-    and tilts evenly; minus infinity without ground.
+    equal distances on the straight path, while it turns and tilts evenly.
+
+    Args:
+        ground: the regions, and the sole.
+        start: pose at lift-off in W.
+        goal: pose of the foothold in W.
+
+    Returns:
+        Heights (n,) in W [m]; minus infinity without ground.
     """
     sole = ground.sole * (1.0 + _BESIDE / np.abs(ground.sole))
     turn = math.remainder(goal.yaw - start.yaw, math.tau)
@@ -237,8 +345,8 @@ def touching_heights(ground: Ground, start: FootPose, goal: FootPose) -> Array:
         for region in regions:  # planes, which touch the sole at a corner
             corners = intersection(region.polygon, outline)
             if len(corners):
-                offsets = corners - p_WF[:2]
-                above = region.heights(corners) + offsets @ [x / z, y / z]
-                highest = max(highest, float(above.max()))
+                rise = (corners - p_WF[:2]) @ [x / z, y / z]
+                above = float((region.heights(corners) + rise).max())
+                highest = max(highest, above)
         heights.append(highest)
     return np.array(heights)

@@ -32,21 +32,36 @@ IN_W = np.eye(9, SIZE)
 IN_W[:, GAUGE] = _ALL[:9]
 _G = np.array([0.0, 0.0, -GRAVITY])
 # skew(a) = a @ _SKEW, reshaped to (3, 3).
-_SKEW = np.zeros((3, 9))
-for _axis, _plus, _minus in ((0, 7, 5), (1, 2, 6), (2, 3, 1)):
-    _SKEW[_axis, _plus], _SKEW[_axis, _minus] = 1.0, -1.0
+_SKEW: Array = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0],
+        [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ]
+)
 
 
 def skew(a: Array) -> Array:
-    """Matrices (..., 3, 3) of the cross products with `a` (..., 3)."""
+    """Matrices of the cross products a x b = S(a) b.
+
+    Args:
+        a: vectors (..., 3).
+
+    Returns:
+        Matrices S (..., 3, 3).
+    """
     return (a @ _SKEW).reshape(*a.shape, 3)
 
 
 def gammas(phi: Array) -> tuple[Array, Array, Array]:
-    """Returns Gamma_m = sum_n skew(phi)^n / (n + m)!, m = 0, 1, 2 (3, 3).
+    """Gamma_m = sum_n skew(phi)^n / (n + m)! (Hartley et al. 2020, appendix).
 
-    Gamma_0 is the rotation by `phi` (3,) [rad], Gamma_1 its left Jacobian
-    (Hartley et al. 2020, appendix).
+    Args:
+        phi: rotation vector (3,) [rad].
+
+    Returns:
+        Gamma_0 (3, 3), the rotation; Gamma_1 (3, 3), its left Jacobian; Gamma_2
+        (3, 3).
     """
     K = skew(phi)
     K2, t2 = K @ K, float(phi @ phi)
@@ -102,19 +117,23 @@ class InvariantEkf:
     on the estimate, but for the biases.  Legs cannot tell turn and horizontal
     place of the whole in W: what these were at the last landing is Schmidt's
     considered gauge, in the covariance only.  Equations: see docs/sensors.md.
+
+    Args:
+        sensors: whose measurements are filtered.
+        period: of the measurements [s].
     """
 
     def __init__(self, sensors: SensorParams, period: float):
-        """Filters the measurements of `sensors`, one every `period` [s]."""
         self._period = T = period
         self._joint_var = sensors.joint_noise**2
         self._gyro_var = sensors.gyro_noise**2 * T
-        walks = sensors.gyro_walk, sensors.force_walk
         self._noise = np.zeros(SIZE)
         self._noise[V] = sensors.force_noise**2 * T
         self._noise[9:15] = STANCE_NOISE**2 * T
         self._noise[HEADINGS] = TURNING**2 * T
-        self._noise[BIAS] = np.repeat(np.square(walks), 3) * T
+        self._noise[BIAS] = T * np.repeat(
+            np.square((sensors.gyro_walk, sensors.force_walk)), 3
+        )
         self._biases = sensors.gyro_bias, sensors.force_bias
         # The transition of the error without biases: exp(A T), Eq. (3).
         self._Phi = np.eye(SIZE)
@@ -123,73 +142,109 @@ class InvariantEkf:
         self._Phi[P, V] = np.eye(3) * T
 
     def begin(self, R: Array, p: Array, error: Array) -> Estimate:
-        """The estimate of a robot at rest, told where it is; soles: see touch.
+        """The estimate of a robot at rest, told where it is.
 
-        `error` (3, 3) has standard deviations in W, a row each of rotation
-        [rad], velocity [m/s] and position [m].
+        Args:
+            R: rotation R_WI (3, 3).
+            p: position p_WI (3,) [m].
+            error: standard deviations in W (3, 3), a row each of rotation
+                [rad], velocity [m/s] and position [m].
+
+        Returns:
+            The estimate; the soles follow by `touch`.
         """
         x = np.vstack((np.zeros(3), p, p, p))
+        deviations = np.concatenate(
+            (error.ravel(), np.repeat((0.0, 0.0, *self._biases), 3))
+        )
         cov = np.zeros((SIZE, SIZE))
-        others = np.repeat((0.0, 0.0, *self._biases), 3)
-        deviations = np.concatenate((error.ravel(), others))
         np.fill_diagonal(cov[:21, :21], np.square(deviations))
         # The error of the position itself, not that of a rotation about W.
         A = np.eye(SIZE)
         A[3:9, THETA] = skew(x[:2]).reshape(6, 3)
-        cov = A @ cov @ A.T
-        return Estimate(R, x, np.zeros((2, 3)), np.zeros(2), cov)
+        return Estimate(
+            R=R,
+            x=x,
+            bias=np.zeros((2, 3)),
+            heading=np.zeros(2),
+            cov=A @ cov @ A.T,
+        )
 
     def predict(self, last: Estimate, imu: Array) -> Estimate:
         """The estimate a period later, Eqs. (1) to (4).
 
-        `imu` (6,) are the mean angular velocity [rad/s] and specific force
-        [m/s^2] in I over the period.
+        Args:
+            last: estimate at the beginning of the period.
+            imu: mean angular velocity [rad/s] and specific force [m/s^2] in I
+                over the period (6,).
+
+        Returns:
+            The estimate at its end.
         """
-        T, (R, x, bias, heading, cov) = self._period, last
-        w, f = imu.reshape(2, 3) - bias
+        T, R, x = self._period, last.R, last.x
+        w, f = imu.reshape(2, 3) - last.bias
         turned, mean, double = gammas(w * T)
         RG = R @ mean
         moved = x.copy()
         moved[0] += (RG @ f + _G) * T
         moved[1] += (x[0] + (R @ double @ f) * T + _G * (0.5 * T)) * T
         Phi = self._Phi.copy()
-        cross = skew(0.5 * (x + moved))
-        spread = np.concatenate((np.eye(3), cross.reshape(12, 3)))
+        spread = np.concatenate(
+            (np.eye(3), skew(0.5 * (x + moved)).reshape(12, 3))
+        )
         Phi[V, FORCE_BIAS] = -T * RG
         Phi[:15, GYRO_BIAS] = spread @ (-T * RG)
         Phi[P, FORCE_BIAS] = (-(T**2)) * (R @ double)
         # Gravity turns with the error that the bias makes within the period.
         Phi[V, GYRO_BIAS] += self._Phi[P, THETA] @ -R
         Phi[P, GYRO_BIAS] -= (0.5 * T**2) * (skew(x[0]) @ R)
-        cov = Phi @ cov @ Phi.T
+        cov = Phi @ last.cov @ Phi.T
         cov[:15, :15] += self._gyro_var * (spread @ spread.T)
         cov.ravel()[:: SIZE + 1] += self._noise
-        return Estimate(R @ turned, moved, bias, heading, cov)
+        return last._replace(R=R @ turned, x=moved, cov=cov)
 
     def touch(self, last: Estimate, i: int, legs: Legs) -> Estimate:
-        """The estimate after sole `i` has landed: it is where the leg says.
+        """The estimate after a sole has landed: it is where the leg says.
 
         Eq. (6); the sole's former place is forgotten, and the errors of yaw
         and horizontal place go to the gauge, Eq. (8).
+
+        Args:
+            last: estimate before.
+            i: the sole, 0 left, 1 right.
+            legs: what the joint angles tell.
+
+        Returns:
+            The estimate with the new place and heading of the sole.
         """
         x, heading, cov = last.x.copy(), last.heading.copy(), last.cov.copy()
-        foot, (place, ahead) = FEET[i], seen(last, legs)
+        place, ahead = seen(last, legs)
         x[2 + i], heading[i] = place[i], ahead[i]
+        foot = FEET[i]
         cov[foot] = cov[BODY]
         cov[:, foot] = cov[:, BODY]
         cov[np.ix_(foot, foot)] += self._leg_noise(last, [i], legs)
-        told = np.eye(SIZE)[[2, 6, 7]]
-        A = np.eye(SIZE) - _ALL @ told
-        A[GAUGE] += told
+        yaw_and_place = np.eye(SIZE)[[2, 6, 7]]
+        A = np.eye(SIZE) - _ALL @ yaw_and_place
+        A[GAUGE] += yaw_and_place
         return last._replace(x=x, heading=heading, cov=A @ cov @ A.T)
 
     def level(
         self, last: Estimate, i: int, height: float, legs: Legs
     ) -> Estimate:
-        """The estimate with sole `i` flat on ground of known `height` [m].
+        """The estimate with a sole flat on level ground.
 
         Eq. (7), once a step: how the sole lies does not change within one.
         A sole above GATE stands on an edge: it tells nothing.
+
+        Args:
+            last: estimate before.
+            i: the sole, 0 left, 1 right.
+            height: of the ground in W [m].
+            legs: what the joint angles tell.
+
+        Returns:
+            The estimate; `last` above GATE.
         """
         d, H = last.x[2 + i], np.zeros((3, SIZE))
         H[0, :2], H[0, FEET[i][2]] = (d[1], -d[0]), 1.0
@@ -199,27 +254,36 @@ class InvariantEkf:
         noise[1:, 1:] += self._joint_var * (H[1:, :3] @ RJ @ RJ.T @ H[1:, :3].T)
         r = np.array((height - d[2], *(-last.R @ legs.R[i, :, 2])[:2]))
         HP = H @ last.cov
-        found, distance = _corrected(last, HP, HP @ H.T + noise, r)
-        return found if distance <= GATE else last
+        corrected, distance = _corrected(last, HP=HP, S=HP @ H.T + noise, r=r)
+        return corrected if distance <= GATE else last
 
     def correct(self, last: Estimate, stands: Array, legs: Legs) -> Estimate:
         """The estimate with the legs' measurement of the soles, Eq. (5).
 
-        `stands` (2,) are the soles on the ground.  One whose squared innovation
-        is above GATE has slipped: it has landed anew.
+        A sole whose squared innovation is above GATE has slipped: it has landed
+        anew.
+
+        Args:
+            last: estimate before.
+            stands: whether each sole is on the ground (2,).
+            legs: what the joint angles tell.
+
+        Returns:
+            The estimate; `last` if no sole stands.
         """
         rows: list[int] = np.flatnonzero(stands).tolist()
-        found, distance = self._corrected(last, rows, legs)
+        corrected, distance = self._corrected(last, rows, legs)
         if distance <= GATE:  # that of each is less
-            return found
+            return corrected
         slipped = [
             i for i in rows if self._corrected(last, [i], legs)[1] > GATE
         ]
-        rows = [i for i in rows if i not in slipped]
-        found, _ = self._corrected(last, rows, legs)
+        corrected, _ = self._corrected(
+            last, [i for i in rows if i not in slipped], legs
+        )
         for i in slipped:
-            found = self.touch(found, i, legs)
-        return found
+            corrected = self.touch(corrected, i, legs)
+        return corrected
 
     def _corrected(
         self, last: Estimate, rows: list[int], legs: Legs
@@ -233,31 +297,45 @@ class InvariantEkf:
         H = _SEEN[rows].reshape(-1, SIZE)
         HP = H @ last.cov
         S = HP @ H.T + self._leg_noise(last, rows, legs)
-        return _corrected(last, HP, S, r)
+        return _corrected(last, HP=HP, S=S, r=r)
 
     def _leg_noise(self, last: Estimate, rows: list[int], legs: Legs) -> Array:
         """Covariance of place and heading of the soles `rows` by the legs."""
         RJ = last.R @ legs.J[rows].reshape(-1, 2, 3, legs.J.shape[-1])
-        RJ = np.concatenate((RJ[:, 1], RJ[:, 0, 2:]), axis=1)
-        RJ = RJ.reshape(4 * len(rows), -1)
+        RJ = np.concatenate((RJ[:, 1], RJ[:, 0, 2:]), axis=1).reshape(
+            4 * len(rows), -1
+        )
         return self._joint_var * (RJ @ RJ.T)
 
 
 def seen(last: Estimate, legs: Legs) -> tuple[Array, Array]:
-    """Places (2, 3) [m] and headings (2,) [rad] of the soles by the legs."""
+    """Where the soles are by the legs: d = p + R p_IF.
+
+    Args:
+        last: estimate of the IMU's pose in W.
+        legs: what the joint angles tell.
+
+    Returns:
+        Places d (2, 3) in W [m] and headings (2,) [rad].
+    """
     x, y, _ = last.R @ legs.R[:, :, 0].T
     return last.x[1] + legs.p @ last.R.T, np.arctan2(y, x)
 
 
 def _corrected(
-    last: Estimate, HP: Array, S: Array, r: Array
+    last: Estimate, *, HP: Array, S: Array, r: Array
 ) -> tuple[Estimate, float]:
     """The estimate exp(K r) `last`, and r' S^-1 r of the innovation `r`."""
     K = np.linalg.solve(S, np.column_stack((HP, r)))
-    xi, cov = r @ K[:, :-1], last.cov - HP.T @ K[:, :-1]
+    xi = r @ K[:, :-1]
+    cov = last.cov - HP.T @ K[:, :-1]
     cov[GAUGE, GAUGE] = last.cov[GAUGE, GAUGE]  # Schmidt's: K = 0 there
     turned, mean, _ = gammas(xi[THETA])
-    x = last.x @ turned.T + xi[3:15].reshape(4, 3) @ mean.T
-    bias = last.bias + xi[BIAS].reshape(2, 3)
-    heading, cov = last.heading + xi[HEADINGS], 0.5 * (cov + cov.T)
-    return Estimate(turned @ last.R, x, bias, heading, cov), float(r @ K[:, -1])
+    estimate = Estimate(
+        R=turned @ last.R,
+        x=last.x @ turned.T + xi[3:15].reshape(4, 3) @ mean.T,
+        bias=last.bias + xi[BIAS].reshape(2, 3),
+        heading=last.heading + xi[HEADINGS],
+        cov=0.5 * (cov + cov.T),
+    )
+    return estimate, float(r @ K[:, -1])

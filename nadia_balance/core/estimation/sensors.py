@@ -1,14 +1,12 @@
 """Errors of the sensors, as data sheets give them."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 
 
-@dataclass(kw_only=True)
+@parameters
 class SensorParams:
     """IMU, joint encoders and foot force sensors of a robot.
 
@@ -17,36 +15,98 @@ class SensorParams:
     deviations per axis, and walk as a Wiener process.
     """
 
-    gyro_noise: float = bounded(0.0, least=0.0, most=0.1)  # [rad/s/sqrt(Hz)]
-    gyro_bias: float = bounded(0.0, least=0.0, most=0.5)  # [rad/s]
-    gyro_walk: float = bounded(0.0, least=0.0, most=0.1)  # [rad/s/sqrt(s)]
-    gyro_range: float = bounded(35.0, above=0.0)  # [rad/s]
-    # Errors of the specific force a - g, and its range.
-    force_noise: float = bounded(0.0, least=0.0, most=1.0)  # [m/s^2/sqrt(Hz)]
-    force_bias: float = bounded(0.0, least=0.0, most=5.0)  # [m/s^2]
-    force_walk: float = bounded(0.0, least=0.0, most=1.0)  # [m/s^2/sqrt(s)]
-    force_range: float = bounded(157.0, above=0.0)  # [m/s^2]
-    imu_body: str = ""  # empty: the pelvis
-    imu_position: list[float] = field(default_factory=lambda: [0.0] * 3)  # [m]
-    imu_rpy_deg: list[float] = field(default_factory=lambda: [0.0] * 3)
-    # White noise of joint angles and speeds, a new sample each tick.
-    joint_noise: float = bounded(0.0, least=0.0, most=0.1)  # [rad]
-    joint_speed_noise: float = bounded(0.0, least=0.0, most=10.0)  # [rad/s]
-    # Errors of a foot force: white noise as a share of the reading, and an
-    # offset as a share of the robot's weight.
-    load_noise: float = bounded(0.0, least=0.0, most=1.0)
-    load_bias: float = bounded(0.0, least=0.0, most=1.0)
-    # Delay from measurement to controller, which knows it [s].
-    delay: float = bounded(0.0, least=0.0, most=0.1)
+    gyro_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=0.1,
+        doc="density of the angular velocity's noise, in rad/s/sqrt(Hz)",
+    )
+    gyro_bias: float = bounded(
+        0.0,
+        least=0.0,
+        most=0.5,
+        doc="deviation of the angular velocity's bias, in rad/s",
+    )
+    gyro_walk: float = bounded(
+        0.0, least=0.0, most=0.1, doc="walk of this bias, in rad/s/sqrt(s)"
+    )
+    gyro_range: float = bounded(
+        35.0, above=0.0, doc="largest angular velocity of an axis, in rad/s"
+    )
+    force_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=1.0,
+        doc="density of the noise of the specific force a - g, in "
+        "m/s^2/sqrt(Hz)",
+    )
+    force_bias: float = bounded(
+        0.0,
+        least=0.0,
+        most=5.0,
+        doc="deviation of the specific force's bias, in m/s^2",
+    )
+    force_walk: float = bounded(
+        0.0, least=0.0, most=1.0, doc="walk of this bias, in m/s^2/sqrt(s)"
+    )
+    force_range: float = bounded(
+        157.0, above=0.0, doc="largest specific force of an axis, in m/s^2"
+    )
+    imu_body: str = bounded("", doc="link of the IMU; empty: the pelvis")
+    imu_position: list[float] = bounded(
+        lambda: [0.0] * 3, doc="place of the IMU in the link's frame, in m"
+    )
+    imu_rpy_deg: list[float] = bounded(
+        lambda: [0.0] * 3,
+        doc="roll, pitch, yaw of the IMU in the link's frame, in degrees",
+    )
+    joint_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=0.1,
+        doc="white noise of joint angles, a new sample each tick, in rad",
+    )
+    joint_speed_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=10.0,
+        doc="white noise of joint speeds, a new sample each tick, in rad/s",
+    )
+    load_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=1.0,
+        doc="white noise of a foot force, as a share of the reading",
+    )
+    load_bias: float = bounded(
+        0.0,
+        least=0.0,
+        most=1.0,
+        doc="offset of a foot force, as a share of the robot's weight",
+    )
+    delay: float = bounded(
+        0.0,
+        least=0.0,
+        most=0.1,
+        doc="from measurement to controller, which knows it, in s",
+    )
 
     @property
     def imu_range(self) -> Array:
         """Largest values (9,) that an Imu tells: rate, force, latest rate."""
-        ranges = self.gyro_range, self.force_range, self.gyro_range
-        return np.repeat(ranges, 3)
+        return np.repeat(
+            (self.gyro_range, self.force_range, self.gyro_range), 3
+        )
 
     def validate_more(self) -> None:
-        """Raises ValueError if the IMU's pose has not three numbers each."""
-        for name in ("imu_position", "imu_rpy_deg"):
-            if len(value := getattr(self, name)) != 3:
-                raise ValueError(f"{name} = {value}: must be three numbers")
+        """Checks the pose of the IMU.
+
+        Raises:
+            ValueError: it has not three numbers each.
+        """
+        for name, numbers in (
+            ("imu_position", self.imu_position),
+            ("imu_rpy_deg", self.imu_rpy_deg),
+        ):
+            if len(numbers) != 3:
+                raise ValueError(f"{name} = {numbers}: must be three numbers")

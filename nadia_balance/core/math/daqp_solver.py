@@ -1,5 +1,6 @@
 """DAQP as a Drake solver, for small dense convex QPs."""
 
+import itertools
 import math
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -13,14 +14,6 @@ from nadia_balance.core.math.arrays import Array
 # Primal tolerance of rows that DAQP has normalised.  With its default, 1e-6,
 # rows of very different lengths are violated by centimetres.
 _TOLERANCE = 1e-10
-# Settings of the second attempt: with dependent rows and an ill-conditioned H,
-# rounding may look like infeasibility.
-_WITH_CARE = {
-    "primal_tol": 1e-8,
-    "eps_prox": 0.01,
-    "eta_prox": 1e-9,
-    "eq_reduction": 1,
-}
 _INFEASIBLE = -1
 _DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # also cycles, contradicting equalities
 # Range of the cost's norm without scaling: DAQP treats values below 1e-11 as 0.
@@ -48,13 +41,12 @@ _ATTRIBUTES = {
 Program = solvers.MathematicalProgram
 # Selection matrices E (k, n) of each binding, see _pick().
 _Picks = dict[Any, Array | None]
-_UNKNOWN = np.empty(0)
 
 
 class DaqpSolver(solvers.SolverInterface):
     """Solves convex QPs exactly, by a dual active-set method.
 
-        min 1/2 x'Hx + g'x  s.t.  lower <= A x <= upper
+        minimise 1/2 x'Hx + g'x  subject to  lower <= A x <= upper
 
     It is for dense programs of up to some hundred variables and rows, solved
     repeatedly in a loop.  No result depends on an earlier one.
@@ -73,25 +65,53 @@ class DaqpSolver(solvers.SolverInterface):
         self._picks: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
     def available(self) -> bool:
-        """True: DAQP is a dependency of this package."""
+        """DAQP is a dependency of this package.
+
+        Returns:
+            True.
+        """
         return True
 
     def enabled(self) -> bool:
-        """True: DAQP needs no licence."""
+        """DAQP needs no licence.
+
+        Returns:
+            True.
+        """
         return True
 
     def solver_id(self) -> solvers.SolverId:
-        """Returns the id "DAQP"."""
+        """The name of this solver.
+
+        Returns:
+            The id "DAQP".
+        """
         return solvers.SolverId("DAQP")
 
     def AreProgramAttributesSatisfied(self, prog: Program) -> bool:
-        """True for linear and convex quadratic costs, linear constraints."""
+        """Whether this solver can solve a program.
+
+        Args:
+            prog: any program.
+
+        Returns:
+            True for linear and convex quadratic costs, linear constraints.
+        """
         return not self.ExplainUnsatisfiedProgramAttributes(prog)
 
     def ExplainUnsatisfiedProgramAttributes(self, prog: Program) -> str:
-        """Returns the unsupported attributes of `prog`; empty if none."""
-        more = set(prog.required_capabilities()) - _ATTRIBUTES
-        names = sorted(attribute.name for attribute in more)
+        """Why this solver cannot solve a program.
+
+        Args:
+            prog: any program.
+
+        Returns:
+            A message with its unsupported attributes; empty if there are none.
+        """
+        names = sorted(
+            attribute.name
+            for attribute in set(prog.required_capabilities()) - _ATTRIBUTES
+        )
         costs: Any = prog.quadratic_costs()
         if not all(binding.evaluator().is_convex() for binding in costs):
             names.append("a quadratic cost that is not convex")
@@ -106,54 +126,67 @@ class DaqpSolver(solvers.SolverInterface):
         solver_options: Any = None,
         result: solvers.MathematicalProgramResult | None = None,
     ) -> solvers.MathematicalProgramResult | None:
-        """Solves `prog` like any Drake solver.
+        """Solves a program like any Drake solver.
 
-        Returns a result, or writes into `result` if given.
+        Args:
+            prog: convex QP.
+            initial_guess: not used.
+            solver_options: not used.
+            result: what the result is written into, if given.
 
-        Raises ValueError: `prog` is no convex QP, or a coefficient not finite.
+        Returns:
+            The result; None if `result` is given.
+
+        Raises:
+            ValueError: `prog` is no convex QP, or a coefficient not finite.
         """
-        if why := self.ExplainUnsatisfiedProgramAttributes(prog):
-            raise ValueError(why)
+        message = self.ExplainUnsatisfiedProgramAttributes(prog)
+        if message:
+            raise ValueError(message)
         x, outcome = self.solve(prog)
         filled = result or solvers.MathematicalProgramResult()
-        _fill(filled, prog, x, outcome)
+        _fill(filled, prog, solution=x, outcome=outcome)
         return filled if result is None else None
 
     def solve(self, prog: Program) -> tuple[Array, solvers.SolutionResult]:
-        """Returns the solution x (n,) of the convex QP `prog`, and its result.
+        """Solves a program without Drake's result, which takes longer to make.
 
-        Unless that is kSolutionFound, x is NaN.
+        Args:
+            prog: convex QP of n variables.
 
-        Raises ValueError: a cost is not convex, a coefficient not finite, a
-        bound is NaN, a lower bound is inf or an upper bound is -inf.
+        Returns:
+            The minimum x (n,), and its result; unless that is kSolutionFound,
+            x is NaN.
+
+        Raises:
+            ValueError: a cost is not convex, a coefficient not finite, a bound
+                is NaN, a lower bound is inf or an upper bound is -inf.
         """
-        n, variables = prog.num_vars(), prog.decision_variable_index()
-        known, picks = self._picks.get(prog, (None, {}))
-        if known != variables:
+        variables = prog.decision_variable_index()
+        previous, picks = self._picks.get(prog, (None, {}))
+        if previous != variables:
             picks = {}
             self._picks[prog] = variables, picks
-        H, g = _cost(prog, n, picks)
-        A, lower, upper = _rows(prog, n, picks)
+        H, g = _cost(prog, picks)
+        A, lower, upper = _rows(prog, picks)
         _check(lower, upper)
-        x, flag = _solved(H, g, A, lower, upper)
+        x, flag = _solution(H=H, g=g, A=A, lower=lower, upper=upper)
         result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
         if result is not solvers.SolutionResult.kSolutionFound:
-            x = np.full(n, np.nan)
+            x = np.full(g.size, np.nan)
         return x, result
 
 
 def _pick(binding: Any, prog: Program, picks: _Picks) -> Array | None:
     """Returns E (k, n) of a binding with the variables E x; None for E = I."""
-    E = picks.get(binding, _UNKNOWN)
-    if E is _UNKNOWN:
-        n = prog.num_vars()
-        indices = prog.FindDecisionVariableIndices(binding.variables())
-        E = np.eye(n)[indices]
-        E = picks[binding] = None if np.array_equal(E, np.eye(n)) else E
-    return E
+    if binding not in picks:
+        unit = np.eye(prog.num_vars())
+        E = unit[prog.FindDecisionVariableIndices(binding.variables())]
+        picks[binding] = None if np.array_equal(E, unit) else E
+    return picks[binding]
 
 
-def _cost(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array]:
+def _cost(prog: Any, picks: _Picks) -> tuple[Array, Array]:
     """Returns H (n, n) and g (n,) of the sum of all costs."""
     squares, slopes = [], []
     for binding in prog.quadratic_costs():
@@ -165,29 +198,33 @@ def _cost(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array]:
     for binding in prog.linear_costs():
         E, cost = _pick(binding, prog, picks), binding.evaluator()
         slopes.append(cost.a() if E is None else cost.a() @ E)
+    n = prog.num_vars()
     H = squares[0] if len(squares) == 1 else sum(squares, np.zeros((n, n)))
     g = slopes[0] if len(slopes) == 1 else sum(slopes, np.zeros(n))
     return H, g
 
 
-def _rows(prog: Any, n: int, picks: _Picks) -> tuple[Array, Array, Array]:
+def _rows(prog: Any, picks: _Picks) -> tuple[Array, Array, Array]:
     """Returns A (m, n), lower (m,) and upper (m,) of all constraints."""
     rows, lower, upper = [], [], []
-    for bindings in (
+    for binding in itertools.chain(
         prog.linear_equality_constraints(),
         prog.linear_constraints(),
         prog.bounding_box_constraints(),
     ):
-        for binding in bindings:
-            E, constraint = _pick(binding, prog, picks), binding.evaluator()
-            A = constraint.GetDenseA()
-            rows.append(A if E is None else A @ E)
-            lower.append(constraint.lower_bound())
-            upper.append(constraint.upper_bound())
+        E, constraint = _pick(binding, prog, picks), binding.evaluator()
+        A = constraint.GetDenseA()
+        rows.append(A if E is None else A @ E)
+        lower.append(constraint.lower_bound())
+        upper.append(constraint.upper_bound())
     if len(rows) == 1:
         return np.ascontiguousarray(rows[0]), lower[0], upper[0]
-    A = np.ascontiguousarray(np.concatenate([np.zeros((0, n)), *rows]))
-    return A, np.concatenate([[], *lower]), np.concatenate([[], *upper])
+    A = np.concatenate([np.zeros((0, prog.num_vars())), *rows])
+    return (
+        np.ascontiguousarray(A),
+        np.concatenate([[], *lower]),
+        np.concatenate([[], *upper]),
+    )
 
 
 def _size(H: Array, g: Array) -> float:
@@ -213,8 +250,8 @@ def _check(lower: Array, upper: Array) -> None:
         raise ValueError("upper bound of the QP: must be > -inf, not NaN")
 
 
-def _solved(
-    H: Array, g: Array, A: Array, lower: Array, upper: Array
+def _solution(
+    *, H: Array, g: Array, A: Array, lower: Array, upper: Array
 ) -> tuple[Array, int]:
     """Returns DAQP's x (n,), and its flag."""
     size = _size(H, g)
@@ -229,12 +266,25 @@ def _solved(
         gaps = lower - upper
         if gaps[gaps.argmax()] > _TOLERANCE:
             return g, _INFEASIBLE
-    x, _, flag, _ = daqp.solve(H.T, g, A, upper, lower, primal_tol=_TOLERANCE)
+    x, _, flag, _ = daqp.solve(
+        H=H.T, f=g, A=A, bupper=upper, blower=lower, primal_tol=_TOLERANCE
+    )
     if flag not in _DOUBTFUL:
         return x, flag
+    # With dependent rows and an ill-conditioned H, rounding may look like
+    # infeasibility.
     A, lower, upper = _of_length_1(A, lower, upper)
-    H, g = H.T / size, g / size
-    x, _, flag, _ = daqp.solve(H, g, A, upper, lower, **_WITH_CARE)
+    x, _, flag, _ = daqp.solve(
+        H=H.T / size,
+        f=g / size,
+        A=A,
+        bupper=upper,
+        blower=lower,
+        primal_tol=1e-8,
+        eps_prox=0.01,
+        eta_prox=1e-9,
+        eq_reduction=1,
+    )
     return x, flag
 
 
@@ -248,24 +298,29 @@ def _of_length_1(
 
 
 def _fill(
-    result: Any, prog: Any, found: Array, outcome: solvers.SolutionResult
+    result: Any, prog: Any, solution: Array, outcome: solvers.SolutionResult
 ) -> None:
-    """Writes the solution `found` of `prog` into `result`.
+    """Writes the solution (n,) of `prog` into `result`.
 
     Only Drake's own solvers can set its variables and cost: one solves x =
-    found with that cost.
+    solution with that cost.
     """
-    x = np.nan_to_num(found)
+    x = np.nan_to_num(solution)
     cost = _NO_COSTS.get(outcome, math.nan)
     if outcome is solvers.SolutionResult.kSolutionFound:
-        costs = [*prog.quadratic_costs(), *prog.linear_costs()]
-        cost = sum(float(prog.EvalBinding(each, x)[0]) for each in costs)
-    known: Any = solvers.MathematicalProgram()
+        cost = sum(
+            float(prog.EvalBinding(binding, x)[0])
+            for binding in [*prog.quadratic_costs(), *prog.linear_costs()]
+        )
+    solved: Any = solvers.MathematicalProgram()
     variables = prog.decision_variables()
-    known.AddDecisionVariables(variables)
-    known.AddLinearEqualityConstraint(np.eye(len(x)), x, variables)
-    known.AddQuadraticCost(np.diag(0.0 * x), 0.0 * x, cost, variables, True)
-    solver = solvers.MakeSolver(solvers.ChooseBestSolver(known))
-    solver.Solve(known, None, None, result)
-    result.set_x_val(found)
+    solved.AddDecisionVariables(variables)
+    solved.AddLinearEqualityConstraint(np.eye(len(x)), x, variables)
+    solved.AddQuadraticCost(
+        Q=np.diag(0.0 * x), b=0.0 * x, c=cost, vars=variables, is_convex=True
+    )
+    solvers.MakeSolver(solvers.ChooseBestSolver(solved)).Solve(
+        prog=solved, initial_guess=None, solver_options=None, result=result
+    )
+    result.set_x_val(solution)
     result.set_solution_result(outcome)

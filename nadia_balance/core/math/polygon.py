@@ -23,53 +23,76 @@ _NOTHING = np.empty((0, 2))
 
 
 def as_array(points: list[Point]) -> Array:
-    """Returns `points` as an array (n, 2)."""
-    # Twice as fast as np.array, which treats each pair as a sequence.
-    coordinates = itertools.chain.from_iterable(points)
-    return np.fromiter(coordinates, float, 2 * len(points)).reshape(-1, 2)
+    """Points as an array, twice as fast as by np.array.
+
+    Args:
+        points: n points [m].
+
+    Returns:
+        Array (n, 2) [m].
+    """
+    # np.array treats each pair as a sequence.
+    return np.fromiter(
+        itertools.chain.from_iterable(points), float, 2 * len(points)
+    ).reshape(-1, 2)
 
 
 def convex_hull(points: Array) -> Array:
-    """Returns the hull of `points` (n, 2): counter-clockwise, strictly convex.
+    """The convex hull of points.
 
-    One vertex if all points coincide, two if they are on one line.
+    Args:
+        points: points (n, 2) [m].
 
-    Raises ValueError: NaN or infinity.
+    Returns:
+        Vertices (k, 2) [m], counter-clockwise and strictly convex: one if all
+        points coincide, two if they are on one line.
+
+    Raises:
+        ValueError: NaN or infinity.
     """
     return as_array(hull([(x, y) for x, y in points.tolist()]))
 
 
 def hull(points: Iterable[Point]) -> list[Point]:
-    """Returns the hull of few points by Andrew's monotone chain."""
+    """The convex hull of few points, by Andrew's monotone chain.
+
+    Args:
+        points: points [m].
+
+    Returns:
+        Vertices [m], as of `convex_hull`.
+
+    Raises:
+        ValueError: NaN or infinity.
+    """
     ordered = sorted(set(points))
     if not math.isfinite(sum(itertools.chain.from_iterable(ordered))):
         raise ValueError(f"points = {ordered}: must be finite")
     if len(ordered) < 3:
         return ordered
-    lower, upper = _half_hull(ordered), _half_hull(reversed(ordered))
-    vertices = lower[:-1] + upper[:-1]
-    if _area(vertices) <= _FLAT:  # a line up to rounding
-        pairs = itertools.combinations(vertices, 2)
-        vertices = list(max(pairs, key=lambda ends: math.dist(*ends)))
-    return vertices
+    vertices = _half_hull(ordered)[:-1] + _half_hull(reversed(ordered))[:-1]
+    if _area(vertices) > _FLAT:
+        return vertices
+    # A line up to rounding: its ends.
+    pairs = itertools.combinations(vertices, 2)
+    return list(max(pairs, key=lambda ends: math.dist(*ends)))
 
 
 def _half_hull(ordered: Iterable[Point]) -> list[Point]:
     """Returns the right-hand boundary along the direction of `ordered`."""
     chain: list[Point] = []
-    for p in ordered:
-        x, y = p
+    for x, y in ordered:
         while len(chain) > 1:
             (ax, ay), (bx, by) = chain[-2:]
             ux, uy = bx - ax, by - ay
             turn = ux * (y - ay) - uy * (x - ax)
-            if turn > _FLAT:
-                break
             # On a line that is vertical up to rounding, b may be beyond p.
-            if turn > 0.0 and ux * (x - bx) + uy * (y - by) < 0.0:
+            if turn > _FLAT or (
+                turn > 0.0 and ux * (x - bx) + uy * (y - by) < 0.0
+            ):
                 break
             chain.pop()
-        chain.append(p)
+        chain.append((x, y))
     return chain
 
 
@@ -80,12 +103,17 @@ def _edges(polygon: Array) -> Iterable[tuple[Point, Point]]:
 
 
 def halfspaces(polygon: Array) -> tuple[Array, Array]:
-    """Returns A (n, 2), b (n,) [m] with the polygon = {p : A p <= b}.
+    """The half-spaces whose intersection {p : A p <= b} is the polygon.
 
-    The rows of A are the unit outward normals of the edges, so that b - d
-    describes the polygon shrunk by d.
+    Args:
+        polygon: vertices (n, 2) [m].
 
-    Raises ValueError: fewer than 3 vertices, so no interior.
+    Returns:
+        A (n, 2) [-], the unit outward normals of the edges, and b (n,) [m]:
+        b - d describes the polygon shrunk by d.
+
+    Raises:
+        ValueError: fewer than 3 vertices, so no interior.
     """
     if len(polygon) < 3:
         raise ValueError(f"{len(polygon)} vertices: a polygon needs 3 or more")
@@ -99,10 +127,20 @@ def halfspaces(polygon: Array) -> tuple[Array, Array]:
 
 
 def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
-    """True if `point` (2,) is in the polygon, within `tolerance` [m]."""
+    """Whether a point is in a polygon.
+
+    Args:
+        point: point (2,) [m].
+        polygon: vertices (n, 2) [m]; also of a point or a line.
+        tolerance: largest distance from the polygon [m].
+
+    Returns:
+        True if it is inside, or on an edge.
+    """
     if len(polygon) < 3:
-        off = point - project(point, polygon)
-        return bool(np.linalg.norm(off) <= tolerance)
+        return bool(
+            np.linalg.norm(point - project(point, polygon)) <= tolerance
+        )
     x, y = float(point[0]), float(point[1])
     for (ax, ay), (bx, by) in _edges(polygon):
         ux, uy = bx - ax, by - ay
@@ -113,9 +151,14 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
 
 
 def project(point: Array, polygon: Array) -> Array:
-    """Returns the point (2,) of the polygon that is closest to `point` (2,).
+    """Minimises |p - point| subject to p in the polygon.
 
-    A degenerate hull of one or two vertices is allowed.
+    Args:
+        point: point (2,) [m].
+        polygon: vertices (n, 2) [m]; also of a point or a line.
+
+    Returns:
+        The closest point p (2,) [m].
     """
     if len(polygon) > 2 and contains(point, polygon):
         return point
@@ -135,7 +178,14 @@ def _project_on_segment(p: Point, a: Point, b: Point) -> Point:
 
 
 def centroid(polygon: Array) -> Array:
-    """Returns the centroid (2,) [m]; the mean vertex if the area is 0."""
+    """The centroid of a polygon.
+
+    Args:
+        polygon: vertices (n, 2) [m].
+
+    Returns:
+        Centroid (2,) [m]; the mean vertex if the area is 0.
+    """
     origin = polygon[0]
     area, x, y = 0.0, 0.0, 0.0
     for a, b in _edges(polygon - origin):
@@ -149,7 +199,14 @@ def centroid(polygon: Array) -> Array:
 
 
 def area(polygon: Array) -> float:
-    """Returns the area [m^2]; 0 for fewer than three vertices."""
+    """The area of a polygon.
+
+    Args:
+        polygon: vertices (n, 2) [m].
+
+    Returns:
+        Area [m^2]; 0 for fewer than three vertices.
+    """
     return _area(polygon.tolist())
 
 
@@ -186,37 +243,61 @@ def _clip(
 
 
 def clip_all(polygon: Array, A: Array, b: Array) -> Array:
-    """Returns the part of the polygon with A p <= b, (m, 2).
+    """The part {p in polygon : A p <= b}.
 
-    `A` (k, 2) and `b` (k,) [m] as of `halfspaces`.  (0, 2) if no area is left.
+    Args:
+        polygon: vertices (n, 2) [m].
+        A: normals (k, 2) [-], as of `halfspaces`.
+        b: offsets (k,) [m].
+
+    Returns:
+        Vertices (m, 2) [m]; (0, 2) if no area is left.
     """
     excess = polygon @ A.T - b
     if not len(polygon) or excess.min(axis=0).max() >= 0.0:
         return _NOTHING
     cutting = (excess.max(axis=0) > 0.0).nonzero()[0]
     vertices = polygon.tolist()
-    offsets = b[cutting].tolist()
-    for (nx, ny), offset in zip(A[cutting].tolist(), offsets, strict=True):
-        vertices = _clip(vertices, nx, ny, offset)
+    for (nx, ny), offset in zip(
+        A[cutting].tolist(), b[cutting].tolist(), strict=True
+    ):
+        vertices = _clip(vertices, nx=nx, ny=ny, offset=offset)
     # An edge between nearly coincident vertices would have no direction.
-    last = vertices[-1:] + vertices[:-1]
+    previous = vertices[-1:] + vertices[:-1]
     part = [
         p
-        for p, q in zip(vertices, last, strict=True)
+        for p, q in zip(vertices, previous, strict=True)
         if abs(p[0] - q[0]) + abs(p[1] - q[1]) > _COINCIDENT
     ]
     return as_array(part) if _area(part) > _FLAT else _NOTHING
 
 
 def intersection(first: Array, second: Array) -> Array:
-    """Returns the intersection (n, 2); (0, 2) if it has no area."""
+    """The intersection of two polygons.
+
+    Args:
+        first: vertices (n, 2) [m].
+        second: vertices (k, 2) [m], at least 3.
+
+    Returns:
+        Vertices (m, 2) [m]; (0, 2) if it has no area.
+    """
     return clip_all(first, *halfspaces(second))
 
 
 def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
-    """Returns the polygon of all points at least `distance` [m] inside.
+    """The polygon of all points at least `distance` inside.
 
-    Raises ValueError: no area is left; the message has the `name`.
+    Args:
+        polygon: vertices (n, 2) [m].
+        distance: from all edges [m].
+        name: what the message calls the distance.
+
+    Returns:
+        Vertices (k, 2) [m].
+
+    Raises:
+        ValueError: no area is left.
     """
     A, b = halfspaces(polygon)
     inner = convex_hull(clip_all(polygon, A, b - distance))
@@ -226,16 +307,23 @@ def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
 
 
 def minkowski_sum(first: Array, second: Array) -> Array:
-    """Returns {p + q : p in first, q in second}, (n, 2).
+    """The polygon {p + q : p in first, q in second}.
 
-    Both have to be counter-clockwise and strictly convex, as from
-    `convex_hull`; one may be a single point or a line.
+    Both are counter-clockwise and strictly convex, as from `convex_hull`; one
+    may be a single point or a line.
+
+    Args:
+        first: vertices (n, 2) [m].
+        second: vertices (k, 2) [m].
+
+    Returns:
+        Vertices (m, 2) [m].
     """
     total: list[Point] = []
     others, edges = _from_lowest(first), _from_lowest(second)
-    j, num_edges = 0, len(edges)
+    j = 0
     for ax, ay, ux, uy in others:
-        while j < num_edges:
+        while j < len(edges):
             bx, by, vx, vy = edges[j]
             total.append((ax + bx, ay + by))
             turn = ux * vy - uy * vx

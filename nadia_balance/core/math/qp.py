@@ -15,16 +15,23 @@ _GAP_TOLERANCE = 1e-10
 
 
 class QpProblem(NamedTuple):
-    """Minimise 1/2 x'Hx + g'x, lower <= A x <= upper; equal bounds: A x = b."""
+    """Minimise 1/2 x'Hx + g'x subject to lower <= A x <= upper."""
 
-    H: Array
-    g: Array
-    A: Array
-    lower: Array
-    upper: Array
+    H: Array  # (n, n)
+    g: Array  # (n,)
+    A: Array  # (m, n)
+    lower: Array  # (m,); equal to `upper` in rows that are equalities
+    upper: Array  # (m,)
 
     def violation(self, x: Array) -> float:
-        """Returns the largest constraint violation; NaN if x is NaN."""
+        """The largest violation of a constraint.
+
+        Args:
+            x: point (n,).
+
+        Returns:
+            max(0, lower - A x, A x - upper); NaN if x is NaN.
+        """
         value = self.A @ x
         if not value.size:
             return 0.0 * float(x.sum())
@@ -33,53 +40,62 @@ class QpProblem(NamedTuple):
         return max(float(violations[violations.argmax()]), 0.0)
 
     def require_finite(self) -> None:
-        """Raises ValueError naming H, g or A if it is not finite.
+        """Refuses what would make Drake terminate the process.
 
-        Drake would terminate the process.
+        Raises:
+            ValueError: H, g or A is not finite; it is named.
         """
-        H, g, A, _, _ = self
         # A sum of squares is finite only if all are.
-        if not math.isfinite(np.vdot(H, H) + g @ g + np.vdot(A, A)):
-            for name in ("H", "g", "A"):
-                if not np.isfinite(getattr(self, name)).all():
-                    raise ValueError(f"{name} of the QP: must be finite")
+        squares = np.vdot(self.H, self.H) + self.g @ self.g
+        if math.isfinite(squares + np.vdot(self.A, self.A)):
+            return
+        for name, values in (("H", self.H), ("g", self.g), ("A", self.A)):
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} of the QP: must be finite")
 
 
 class QpResult(NamedTuple):
-    """The solution of a QP, and its status.
+    """The solution of a QP, and its status."""
 
-    `x` (n,) is NaN unless `solved`.  `solves` counts the programs solved,
-    `fallback` is True if Clarabel was used, `violation` is the largest
-    absolute violation of a constraint, NaN unless `solved`.
-    """
-
-    x: Array
+    x: Array  # (n,), NaN unless `solved`
     solved: bool
-    solves: int = 1
-    fallback: bool = False
-    violation: float = math.nan
+    solves: int = 1  # programs solved
+    fallback: bool = False  # Clarabel was used
+    violation: float = math.nan  # largest, absolute; NaN unless `solved`
 
 
 class DenseQp:
-    """Minimises 1/2 x'Hx + g'x, lower <= A x <= upper.
+    """Minimises 1/2 x'Hx + g'x subject to lower <= A x <= upper.
 
     H (n, n) must be positive definite, bounds may be equal or infinite, and
     the number of rows may change: no result depends on an earlier one.  DAQP
     solves it; if it finds neither a solution nor a proof of infeasibility,
     Clarabel does to its own accuracy, and `fallback` is True.
+
+    Args:
+        num_variables: n, the length of x.
     """
 
     def __init__(self, num_variables: int) -> None:
         # Untyped, as Drake's stubs lack NumPy's present array types.
         program: Any = MathematicalProgram()
-        n = num_variables
-        x = program.NewContinuousVariables(n)
-        cost = program.AddQuadraticCost(np.eye(n), np.zeros(n), x, True)
+        x = program.NewContinuousVariables(num_variables)
+        cost = program.AddQuadraticCost(
+            Q=np.eye(num_variables),
+            b=np.zeros(num_variables),
+            vars=x,
+            is_convex=True,
+        )
         # With one row, because Drake drops a constraint without rows.
-        row, zero = np.zeros((1, n)), np.zeros(1)
-        limits = program.AddLinearConstraint(row, zero, zero, x)
+        limits = program.AddLinearConstraint(
+            A=np.zeros((1, num_variables)),
+            lb=np.zeros(1),
+            ub=np.zeros(1),
+            vars=x,
+        )
+        self._program = program
         # Kept, because each access takes as long as an update.
-        self._program, self._cost = program, cost.evaluator()
+        self._cost = cost.evaluator()
         self._limits = limits.evaluator()
         self._daqp = DaqpSolver()
         self._options = solvers.SolverOptions()
@@ -87,36 +103,55 @@ class DenseQp:
             self._options.SetOption(ClarabelSolver.id(), name, _GAP_TOLERANCE)
 
     def solve(self, problem: QpProblem) -> QpResult:
-        """Returns the solution of the QP.
+        """Solves one problem.
 
-        Raises ValueError: NaN in the problem, or infinity outside the bounds,
-        or a lower bound of inf or an upper one of -inf.
+        Args:
+            problem: its cost and its rows.
+
+        Returns:
+            The minimum, or that there is none.
+
+        Raises:
+            ValueError: NaN in the problem, or infinity outside the bounds, or
+                a lower bound of inf or an upper one of -inf.
         """
         problem.require_finite()
-        H, g, A, lower, upper = problem
         # H.T equals H, in the memory order for which Drake makes no copy.
-        self._cost.UpdateCoefficients(H.T, g, 0.0, True)
-        self._limits.UpdateCoefficients(A, lower, upper)
+        self._cost.UpdateCoefficients(
+            new_Q=problem.H.T, new_b=problem.g, new_c=0.0, is_convex=True
+        )
+        self._limits.UpdateCoefficients(problem.A, problem.lower, problem.upper)
         x, result = self._daqp.solve(self._program)
         if result is solvers.SolutionResult.kSolutionFound:
             return QpResult(x, True, violation=problem.violation(x))
         if result is solvers.SolutionResult.kInfeasibleConstraints:
             return QpResult(x, False)
-        found = ClarabelSolver().Solve(self._program, None, self._options)
-        if not found.is_success():
-            return QpResult(np.full(g.size, np.nan), False, 2, True)
-        x = np.asarray(found.get_x_val())
-        return QpResult(x, True, 2, True, problem.violation(x))
+        second = ClarabelSolver().Solve(self._program, None, self._options)
+        if not second.is_success():
+            return QpResult(x, False, solves=2, fallback=True)
+        x = np.asarray(second.get_x_val())
+        return QpResult(
+            x=x,
+            solved=True,
+            solves=2,
+            fallback=True,
+            violation=problem.violation(x),
+        )
 
 
 def largest_first(A: Array, b: Array) -> Array | None:
-    """Returns the x (n,) of the largest x[0] with A x <= b; None: no such x.
+    """Maximises x[0] subject to A x <= b, by the simplex method.
 
-    The linear program is solved by the simplex method.
+    Args:
+        A: rows (m, n).
+        b: upper bounds (m,).
+
+    Returns:
+        The maximum x (n,); None if there is none.
     """
     program: Any = MathematicalProgram()  # untyped: its stubs lack Array
     x = program.NewContinuousVariables(A.shape[1])
-    program.AddLinearConstraint(A, np.full(len(b), -np.inf), b, x)
+    program.AddLinearConstraint(A=A, lb=np.full(len(b), -np.inf), ub=b, vars=x)
     program.AddLinearCost(-x[0])
     result = solvers.ClpSolver().Solve(program)
     return np.asarray(result.GetSolution(x)) if result.is_success() else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 
 # Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]
@@ -29,16 +29,25 @@ class Moment:
     @classmethod
     @functools.cache
     def parse(cls, text: str) -> "Moment":
-        """Returns the moment for text like `right swing 25 %` or `2.5 s`.
+        """Reads a moment.
 
-        Raises ValueError: `text` has another form, or is beyond 100 %.
+        Args:
+            text: such as `right swing 25 %` or `2.5 s`.
+
+        Returns:
+            The moment.
+
+        Raises:
+            ValueError: `text` has another form, or is beyond 100 %.
         """
-        if match := _PHASE.fullmatch(text.strip()):
-            fraction = float(match[3]) / 100.0
+        in_phase = _PHASE.fullmatch(text.strip())
+        if in_phase:
+            fraction = float(in_phase[3]) / 100.0
             if fraction <= 1.0:
-                return cls(Phase(match[2]), Side(match[1]), fraction)
-        if match := _TIME.fullmatch(text.strip()):
-            return cls(time=float(match[1]))
+                return cls(Phase(in_phase[2]), Side(in_phase[1]), fraction)
+        at_time = _TIME.fullmatch(text.strip())
+        if at_time:
+            return cls(time=float(at_time[1]))
         raise ValueError(
             f'at = {text!r}: must be like "right swing 25 %", from 0 to '
             '100 %, or like "2.5 s"'
@@ -48,8 +57,10 @@ class Moment:
         """The text that `parse` reads as this moment, to nine decimals."""
         if self.phase is None:
             return f"{_short(self.time)} s"
-        percent = _short(100.0 * self.fraction)
-        return f"{self.swing.value} {self.phase.value} {percent} %"
+        return (
+            f"{self.swing.value} {self.phase.value} "
+            f"{_short(100.0 * self.fraction)} %"
+        )
 
 
 # Force over its peak, with x from 0 to 1 over the duration: 1; sin(pi x); x
@@ -62,7 +73,7 @@ SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
 )
 
 
-@dataclass(kw_only=True)
+@parameters
 class Push:
     """A horizontal force on one body.
 
@@ -70,25 +81,57 @@ class Push:
     heading of the support foot when the push begins.
     """
 
-    body: str = ""  # pushed at its centre of mass; empty: the robot's base
-    # Point (3,) [m] of the body, in its frame, at which the force acts instead,
-    # so that it has a moment about the centre of mass.
-    point: list[float] | None = None
-    # Velocity change of the total mass.
-    delta_v: float | None = bounded(None, least=0.0, most=100.0, unit="m/s")
-    # Peak force.
-    force: float | None = bounded(None, least=0.0, most=1e5, unit="N")
-    shape: str = bounded(RECTANGLE, one_of=SHAPES)
-    # Frequency of a sine.
-    frequency: float = bounded(1.0, above=0.0, most=50.0, unit="Hz")
-    duration: float = bounded(0.1, above=0.0, most=60.0, unit="s", of="")
-    # Direction: 0 forward, 90 left [deg].
-    direction_deg: float = bounded(0.0, least=-3600.0, most=3600.0)
-    at: str = ""  # such as "right swing 25 %" or "2.5 s" (see Moment)
-    # Least number of steps taken before the phase of the push [-].
-    after_steps: int = bounded(0, least=0, most=1000)
-    # Delay after the time of `at`, for replicas.
-    delay: float = bounded(0.0, least=0.0, unit="s")
+    body: str = bounded(
+        "", doc="pushed at its centre of mass; empty: the robot's base"
+    )
+    point: list[float] | None = bounded(
+        None,
+        doc="(3,) of the body, in its frame, in m, at which the force acts "
+        "instead, so that it has a moment about the centre of mass",
+    )
+    delta_v: float | None = bounded(
+        None,
+        least=0.0,
+        most=100.0,
+        unit="m/s",
+        doc="velocity change of the total mass",
+    )
+    force: float | None = bounded(
+        None, least=0.0, most=1e5, unit="N", doc="peak force"
+    )
+    shape: str = bounded(RECTANGLE, one_of=SHAPES, doc="of the force over time")
+    frequency: float = bounded(
+        1.0, above=0.0, most=50.0, unit="Hz", doc="of a sine"
+    )
+    duration: float = bounded(
+        0.1,
+        above=0.0,
+        most=60.0,
+        unit="s",
+        of="",
+        doc="from the begin of the force to its end",
+    )
+    direction_deg: float = bounded(
+        0.0,
+        least=-3600.0,
+        most=3600.0,
+        doc="direction: 0 forward, 90 left, in degrees",
+    )
+    at: str = bounded(
+        "", doc='begin, such as "right swing 25 %" or "2.5 s" (see Moment)'
+    )
+    after_steps: int = bounded(
+        0,
+        least=0,
+        most=1000,
+        doc="least number of steps taken before the phase of the push",
+    )
+    delay: float = bounded(
+        0.0,
+        least=0.0,
+        unit="s",
+        doc="delay after the time of `at`, for replicas",
+    )
 
     @property
     def moment(self) -> Moment:
@@ -96,7 +139,11 @@ class Push:
         return Moment.parse(self.at)
 
     def validate_more(self) -> None:
-        """Raises ValueError for inconsistent fields."""
+        """Checks conditions between fields.
+
+        Raises:
+            ValueError: fields are inconsistent.
+        """
         if (self.delta_v is None) == (self.force is None):
             raise ValueError(
                 f"delta_v = {self.delta_v}, force = {self.force}: must give "
@@ -116,9 +163,16 @@ class Push:
         Moment.parse(self.at)
 
     def shares(self, period: float) -> Array:
-        """Returns force / peak (n,) at the middle of each tick.
+        """The shape: force over peak force, at the middle of each tick.
 
-        Ticks last `period` [s].
+        With the share x of the duration it is 1, sin(pi x), x or
+        sin(2 pi frequency duration x).
+
+        Args:
+            period: length of a tick [s].
+
+        Returns:
+            Shares (n,) of n ticks [-].
         """
         n = max(round(self.duration / period), 1)
         x = (np.arange(n) + 0.5) / n
@@ -131,13 +185,25 @@ class Push:
         return np.ones(n)
 
     def effective_duration(self, period: float) -> float:
-        """Returns how long the peak force has the same impulse [s]."""
+        """How long the peak force has the same impulse.
+
+        Args:
+            period: length of a tick [s].
+
+        Returns:
+            The mean of the shares times the duration [s].
+        """
         return self.duration * float(np.mean(self.shares(period)))
 
     def newtons(self, mass: float, period: float) -> float:
-        """Returns the peak force [N] on a robot of this mass [kg].
+        """The peak force: `force`, or m delta_v / effective_duration.
 
-        The impulse over all ticks of `period` [s] is m delta_v.
+        Args:
+            mass: m, of the robot [kg].
+            period: length of a tick [s].
+
+        Returns:
+            Force [N] whose impulse over all ticks is m delta_v.
         """
         if self.force is not None:
             return self.force
@@ -145,21 +211,38 @@ class Push:
         return mass * self.delta_v / self.effective_duration(period)
 
     def is_due(self, time: float, state: WalkingState, period: float) -> bool:
-        """True if the push begins at or before `time` [s], without `delay`.
+        """Whether the push has begun, but for its `delay`.
 
         It is due at the latest in the last tick of its phase, less than 1.5
-        `period` [s] before the end, as durations are rounded to ticks.
+        periods before the end, as durations are rounded to ticks.
+
+        Args:
+            time: present time [s].
+            state: present walking state.
+            period: length of a tick [s].
+
+        Returns:
+            True if it begins at or before `time`.
         """
         moment = self.moment
         if moment.phase is None:
             return time >= moment.time - TIME_TOLERANCE
         duration = state.schedule.duration
         start = min(moment.fraction * duration, duration - 1.5 * period)
-        passed = state.time_in_phase >= start - TIME_TOLERANCE
-        return passed and self.is_in_phase(state)
+        return (
+            state.time_in_phase >= start - TIME_TOLERANCE
+            and self.is_in_phase(state)
+        )
 
     def is_in_phase(self, state: WalkingState) -> bool:
-        """True in the phase in which the push begins."""
+        """Whether it is the phase in which the push begins.
+
+        Args:
+            state: present walking state.
+
+        Returns:
+            True in this phase, after `after_steps`.
+        """
         moment = self.moment
         return moment.phase is not None and (
             state.schedule.phase is moment.phase
@@ -174,17 +257,30 @@ def random_pushes(
     largest: float,
     pause: tuple[float, float] = (1.0, 3.0),
 ) -> list[Push]:
-    """Returns pushes in random directions after pauses of random length.
+    """Pushes in random directions after pauses of random length.
 
-    The first is a `pause` [s] after 1 s; each is at most `largest` [m/s].
     mjlab trains policies with such pushes.
+
+    Args:
+        number: of pushes.
+        seed: of the random numbers.
+        largest: velocity change of a push [m/s].
+        pause: shortest and longest pause [s]; the first pause begins at 1 s.
+
+    Returns:
+        Pushes in the order of their times.
     """
     rng, time, pushes = np.random.default_rng(seed), 1.0, []
     for _ in range(number):
         time += rng.uniform(*pause)
         size, angle = rng.uniform(0.0, [largest, 360.0])
-        size, angle, at = round(size, 3), round(angle, 1), f"{time:.2f} s"
-        pushes.append(Push(delta_v=size, direction_deg=angle, at=at))
+        pushes.append(
+            Push(
+                delta_v=round(size, 3),
+                direction_deg=round(angle, 1),
+                at=f"{time:.2f} s",
+            )
+        )
     return pushes
 
 

@@ -53,7 +53,14 @@ class Mode(enum.Enum):
 
 
 def tilt(normal: Array) -> Array:
-    """Returns the shortest rotation (3, 3) from vertical to `normal` (3,)."""
+    """The shortest rotation R with R (0, 0, 1) = normal.
+
+    Args:
+        normal: unit vector (3,), upward.
+
+    Returns:
+        R (3, 3).
+    """
     x, y, z = normal.tolist()
     c = 1.0 / (1.0 + z)
     return np.array(
@@ -98,9 +105,9 @@ class FootPose(Immutable):
         return (*self.p_WF.tolist(), self.yaw, *self.normal.tolist())
 
     def __eq__(self, other: object) -> bool:
-        if self is other:
-            return True
-        return isinstance(other, FootPose) and self._values == other._values
+        return self is other or (
+            isinstance(other, FootPose) and self._values == other._values
+        )
 
     def __hash__(self) -> int:
         return hash(self._values)
@@ -114,20 +121,50 @@ class FootPose(Immutable):
         return matrix
 
     def to_world(self, points_F: Array) -> Array:
-        """Points (..., 2) [m] of the sole frame, expressed in W."""
+        """p_W = p_WF + R_WF p_F.
+
+        Args:
+            points_F: points p_F (..., 2) in F [m].
+
+        Returns:
+            Points p_W (..., 2) in W [m].
+        """
         return np.asarray(self.p_WF[:2] + points_F @ self.rotation.T)
 
     def outline(self, sole: Array) -> Array:
-        """Corners (n, 2) [m] in W of the tilted `sole`, seen from above."""
+        """The tilted sole, seen from above.
+
+        Args:
+            sole: corners (n, 2) in its own frame [m].
+
+        Returns:
+            Corners (n, 2) in W [m].
+        """
         seen = tilt(self.normal)[:2, :2] @ self.rotation
         return np.asarray(self.p_WF[:2] + sole @ seen.T)
 
     def to_sole(self, points_W: Array) -> Array:
-        """Points (..., 2) [m] of W, expressed in the sole frame."""
+        """p_F = R_FW (p_W - p_WF).
+
+        Args:
+            points_W: points p_W (..., 2) in W [m].
+
+        Returns:
+            Points p_F (..., 2) in F [m].
+        """
         return np.asarray((points_W - self.p_WF[:2]) @ self.rotation)
 
     def displaced(self, x: float, y: float, yaw: float = 0.0) -> FootPose:
-        """Returns the level frame at (x, y) [m] of F, turned by `yaw` [rad]."""
+        """A level frame that is given in F.
+
+        Args:
+            x: forward in F [m].
+            y: to the left in F [m].
+            yaw: relative to F [rad].
+
+        Returns:
+            The frame at the same height.
+        """
         xy = self.to_world(np.array([[x, y]]))[0]
         return FootPose(np.append(xy, self.p_WF[2]), self.yaw + yaw)
 
@@ -146,7 +183,15 @@ class FootPoses(Immutable):
         return self.left if side is Side.LEFT else self.right
 
     def with_foot(self, side: Side, pose: FootPose) -> FootPoses:
-        """Returns these poses with the foot of `side` moved to `pose`."""
+        """These poses with one foot moved.
+
+        Args:
+            side: of the foot.
+            pose: of its sole in W.
+
+        Returns:
+            New poses.
+        """
         return replace(self, **{side.value: pose})
 
 
@@ -170,8 +215,11 @@ class ReferencePoint(Immutable):
     cop: Array
 
     def __post_init__(self) -> None:
-        for name in ("com", "com_velocity", "cop"):
-            object.__setattr__(self, name, read_only(getattr(self, name), 2))
+        object.__setattr__(self, "com", read_only(self.com, 2))
+        object.__setattr__(
+            self, "com_velocity", read_only(self.com_velocity, 2)
+        )
+        object.__setattr__(self, "cop", read_only(self.cop, 2))
 
 
 @dataclass(frozen=True)
@@ -195,13 +243,27 @@ class ContactSchedule(Immutable):
     start_time: float = 0.0  # since the phase began [s]
 
     def in_contact(self, side: Side) -> bool:
-        """True if the foot of `side` carries weight in this phase."""
+        """Whether a foot carries weight in this phase.
+
+        Args:
+            side: of the foot.
+
+        Returns:
+            True for both but in a swing.
+        """
         return self.phase is not Phase.SWING or side is self.support_side
 
     def preview(self, number: int) -> tuple[tuple[Footstep, ...], float]:
-        """Returns `number` next steps at most, and the transfer [s] after them.
+        """The next steps, and the transfer after them.
 
-        Raises ValueError: a swing without a footstep.
+        Args:
+            number: of steps at most.
+
+        Returns:
+            Steps, and the duration of the transfer [s].
+
+        Raises:
+            ValueError: a swing without a footstep.
         """
         steps = () if self.phase is Phase.STANDING else self.footsteps
         if self.phase is Phase.SWING and not steps:
@@ -258,8 +320,7 @@ class WalkingState(Immutable):
         if not steps:
             return Mode.STANDING
         moved = self.adjustment is not None and self.adjustment.moved
-        recovers = moved or steps[0].reactive
-        return Mode.RECOVERING if recovers else Mode.WALKING
+        return Mode.RECOVERING if moved or steps[0].reactive else Mode.WALKING
 
     @property
     def remaining_time(self) -> float:
@@ -273,14 +334,31 @@ class WalkingState(Immutable):
 
 
 def number_of_ticks(duration: float, period: float) -> int:
-    """Returns `duration` [s] in ticks of `period` [s], rounded, at least 1."""
+    """A duration in ticks, rounded.
+
+    Args:
+        duration: [s].
+        period: length of a tick [s].
+
+    Returns:
+        Ticks, at least 1.
+    """
     return max(round(duration / period), 1)
 
 
 def whole_ticks(name: str, time: float, period: float) -> int:
-    """Returns `time` [s] in ticks of `period` [s].
+    """A time in ticks, exactly.
 
-    Raises ValueError: it is no multiple; the message has the `name`.
+    Args:
+        name: what the message calls the time.
+        time: [s].
+        period: length of a tick [s].
+
+    Returns:
+        Ticks.
+
+    Raises:
+        ValueError: the time is no multiple of the period.
     """
     ticks = round(time / period)
     if abs(ticks * period - time) > 1e-9:
@@ -289,13 +367,21 @@ def whole_ticks(name: str, time: float, period: float) -> int:
 
 
 def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
-    """Returns the hull (n, 2) [m] in W of the soles in contact.
+    """The hull of the soles in contact.
 
-    `sole` (k, 2) [m] are the corners of either sole in its own frame.
+    Args:
+        schedule: feet and phase.
+        sole: corners (k, 2) of either sole in its own frame [m].
+
+    Returns:
+        Vertices (n, 2) in W [m], counter-clockwise.
     """
-    soles = [
-        schedule.feet[side].to_world(sole)
-        for side in Side
-        if schedule.in_contact(side)
-    ]
-    return convex_hull(np.concatenate(soles))
+    return convex_hull(
+        np.concatenate(
+            [
+                schedule.feet[side].to_world(sole)
+                for side in Side
+                if schedule.in_contact(side)
+            ]
+        )
+    )

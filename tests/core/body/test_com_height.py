@@ -13,7 +13,13 @@ from nadia_balance.core.body.com_height import (
     ComHeightPlan,
 )
 from nadia_balance.core.body.ground import Ground
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Phase,
+    Side,
+)
 from tests import example_walks
 from tests.core.body.test_ground import square
 
@@ -25,12 +31,12 @@ CONTROL = ComHeight(PARAMS, MODEL)
 GROUND = 0.3
 
 
-def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> walking.ContactSchedule:
+def schedule(phase, apart=0.0, step=0.0, yaw=0.0) -> ContactSchedule:
     """Left stance; right foot `apart` behind, to step `step` ahead, turned."""
-    left = walking.FootPose([0.0, 0.125, GROUND])
-    right = walking.FootPose([-apart, -0.125, GROUND])
-    ahead = walking.FootPose([step, -0.125, GROUND], yaw)
-    return example_walks.stepping(walking.FootPoses(left, right), ahead, phase)
+    left = FootPose([0.0, 0.125, GROUND])
+    right = FootPose([-apart, -0.125, GROUND])
+    ahead = FootPose([step, -0.125, GROUND], yaw)
+    return example_walks.stepping(FootPoses(left, right), ahead, phase)
 
 
 def plan(*args, **kwargs) -> ComHeightPlan:
@@ -39,19 +45,19 @@ def plan(*args, **kwargs) -> ComHeightPlan:
 
 def test_feet_that_no_height_reaches_give_the_lowest_height():
     """Oracle: min_height_ratio."""
-    high = plan(walking.Phase.TRANSFER, apart=3.0)
+    high = plan(Phase.TRANSFER, apart=3.0)
     assert high.start == GROUND + PARAMS.min_height_ratio * NOMINAL
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -0.4])
 def test_the_height_is_continuous_over_a_walk(yaw):
     """Oracle: one phase ends where the next one begins, at rest."""
-    first = plan(walking.Phase.SWING, apart=0.0, step=0.5, yaw=yaw)
+    first = plan(Phase.SWING, apart=0.0, step=0.5, yaw=yaw)
     # Landed: the right foot, now 0.5 m ahead of the left, takes the weight.
-    landed = schedule(walking.Phase.SWING, step=0.5, yaw=yaw)
-    feet = landed.feet.with_foot(walking.Side.RIGHT, landed.footsteps[0].pose)
-    swings = replace(landed, support_side=walking.Side.RIGHT, feet=feet)
-    second = CONTROL.plan(replace(swings, phase=walking.Phase.TRANSFER))
+    landed = schedule(Phase.SWING, step=0.5, yaw=yaw)
+    feet = landed.feet.with_foot(Side.RIGHT, landed.footsteps[0].pose)
+    swings = replace(landed, support_side=Side.RIGHT, feet=feet)
+    second = CONTROL.plan(replace(swings, phase=Phase.TRANSFER))
     third = CONTROL.plan(swings)
     assert first.at(0.7) == pytest.approx(second.at(0.0), abs=1e-12)
     assert second.at(0.3) == pytest.approx(third.at(0.0), abs=1e-12)
@@ -63,13 +69,13 @@ def test_on_stairs_both_legs_reach_at_both_ends_of_a_step(rise):
     """Oracle: Pythagoras on each leg; the lower one is at its longest."""
     steps = [square(name, height=h) for name, h in (("a", 0.0), ("b", rise))]
     model = replace(MODEL, ground=Ground(tuple(steps), MODEL.sole))
-    going = schedule(walking.Phase.SWING, apart=0.4, step=0.4)
+    going = schedule(Phase.SWING, apart=0.4, step=0.4)
 
     def moved(pose, up):
-        return walking.FootPose(pose.p_WF + [0.0, 0.0, up], pose.yaw)
+        return FootPose(pose.p_WF + [0.0, 0.0, up], pose.yaw)
 
     (step,), lifted = going.footsteps, going.feet.right
-    feet = going.feet.with_foot(walking.Side.RIGHT, moved(lifted, -rise))
+    feet = going.feet.with_foot(Side.RIGHT, moved(lifted, -rise))
     step = replace(step, pose=moved(step.pose, rise))
     going = replace(going, feet=feet, footsteps=(step,))
     found = ComHeight(PARAMS, model).plan(going)
@@ -83,7 +89,7 @@ def test_on_stairs_both_legs_reach_at_both_ends_of_a_step(rise):
 
 def test_the_rate_is_the_derivative_of_the_height():
     """Oracle: central differences; truncation h^2 times 0.05 / 0.7^3."""
-    course, h = plan(walking.Phase.SWING, step=0.6), 1e-5
+    course, h = plan(Phase.SWING, step=0.6), 1e-5
     for t in (0.05, 0.2, 0.5, 0.69):
         slope = (course.at(t + h)[0] - course.at(t - h)[0]) / (2.0 * h)
         assert slope != 0.0
@@ -93,11 +99,11 @@ def test_the_rate_is_the_derivative_of_the_height():
 
 def test_the_com_falls_at_the_touchdown_and_rises_to_rest():
     """Oracles: twice the mean rate of the descent; none of the rise."""
-    going = schedule(walking.Phase.SWING, step=0.6)
+    going = schedule(Phase.SWING, step=0.6)
     down = CONTROL.plan(going)
     fall = 2.0 * (down.end - down.start) / 0.7
     assert down.at(0.7 - 1e-9)[1] == pytest.approx(fall, abs=1e-6)
-    up = plan(walking.Phase.SWING, apart=0.6)
+    up = plan(Phase.SWING, apart=0.6)
     assert up.end > up.start
     assert up.at(0.7 - 1e-9)[1] == pytest.approx(0.0, abs=1e-6)
 
@@ -168,16 +174,16 @@ def test_approaches_the_height_within_the_limits_and_settles(drop):
     assert overshoot.max() < 0.01 * abs(drop)
 
 
-@pytest.mark.parametrize("side", list(walking.Side))
+@pytest.mark.parametrize("side", list(Side))
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
 def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
     """Oracles: hip and ankle, put together again; a central difference.
 
     The hip is beside the CoM on the side of the stance foot, as its yaw.
     """
-    stance = walking.FootPose([0.4, 0.2, GROUND], yaw)
-    feet = schedule(walking.Phase.SWING).feet.with_foot(side, stance)
-    going = replace(schedule(walking.Phase.SWING), support_side=side, feet=feet)
+    stance = FootPose([0.4, 0.2, GROUND], yaw)
+    feet = schedule(Phase.SWING).feet.with_foot(side, stance)
+    going = replace(schedule(Phase.SWING), support_side=side, feet=feet)
     com = stance.to_world(np.array([0.3, -0.05 * side.sign]))
     velocity, h = np.array([0.7, -0.4]), 1e-6
 
@@ -198,7 +204,7 @@ def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
 
 def test_the_stance_leg_allows_the_lowest_height_at_least():
     """Oracle: min_height_ratio, at rest; 0.05 m before the leg is too short."""
-    going = schedule(walking.Phase.SWING)
+    going = schedule(Phase.SWING)
     lowest = GROUND + PARAMS.min_height_ratio * NOMINAL
     above = lowest - GROUND - LEGS.ankle_height - LEGS.com_above_hip
     reach = math.sqrt((PARAMS.max_stretch * LEGS.length) ** 2 - above**2)

@@ -18,8 +18,12 @@ from nadia_balance.core.body.swing_detour import (
     edges_on_way,
 )
 from nadia_balance.core.steps import swing_foot
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.core.walking.state import (
+    FootPose,
+    FootPoses,
+    Side,
+    WalkingState,
+)
 from nadia_balance.diagrams.terrain import Terrain
 from tests.core.body.test_ground import square
 from tests.example_walks import IDEAL_DETOUR, MODEL, SOLE, stepping
@@ -148,7 +152,7 @@ def swing(ground, start, goal, duration=1.2):
     """The right foot swings from start to goal, each (2,)."""
     lifted, landed = (ground.pose(np.array(p), 0.0, 0.0) for p in (start, goal))
     stance = FootPose([*start, 0.0] + np.array([0, 0.25, 0]))
-    feet = walking.FootPoses(stance, lifted)
+    feet = FootPoses(stance, lifted)
     return stepping(feet, landed, duration=duration)
 
 
@@ -178,7 +182,7 @@ def test_a_swing_meets_no_edge_and_lands_in_time(course, start, goal):
     motion, least = swing_foot.at_rest(lifted), math.inf
     for tick in range(1, 601):
         t = tick * PERIOD
-        state = walking.WalkingState(schedule, t, elapsed=t)
+        state = WalkingState(schedule, t, elapsed=t)
         motion, _ = foot.motion(motion, state, edges)
         if tick % 10 == 0 and 150 <= tick < 590:
             s = t / 1.2
@@ -201,9 +205,7 @@ def test_a_foot_that_is_high_when_its_clock_runs_out_comes_down_at_once():
     for tick in range(1, 500):
         elapsed = tick * PERIOD
         t = min(elapsed + 0.27 * (elapsed > 0.5), 0.9)
-        state = walking.WalkingState(
-            schedule, t, elapsed=elapsed, waiting=t == 0.9
-        )
+        state = WalkingState(schedule, t, elapsed=elapsed, waiting=t == 0.9)
         before = motion[1, 2]
         motion, _ = foot.motion(motion, state, edges)
         assert abs(motion[1, 2] - before) < 0.1
@@ -232,9 +234,7 @@ def test_a_foot_that_brakes_beside_an_edge_does_not_jump():
     start = np.zeros((3, 4))
     start[0, :3] = schedule.footsteps[0].pose.p_WF + [-0.06, 0.0, 0.009]
     start[1, :3] = 0.3, 0.0, -0.8
-    motion, _ = foot.motion(
-        start, walking.WalkingState(schedule, 0.66, 0.66), edges
-    )
+    motion, _ = foot.motion(start, WalkingState(schedule, 0.66, 0.66), edges)
     assert motion[0, 2] == pytest.approx(start[0, 2] - 0.8 * 0.004, abs=4e-4)
 
 

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag, expm
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from nadia_balance.core.estimation import invariant_ekf as ekf
+from nadia_balance.core.estimation import invariant_ekf
 from nadia_balance.core.estimation.invariant_ekf import InvariantEkf, Legs
 from nadia_balance.core.estimation.sensors import SensorParams
 
@@ -129,7 +129,9 @@ def start(params=BLIND):
 def test_gammas_are_sums_of_powers(size):
     """Oracle: 40 terms."""
     K = cross(size * np.array([0.6, 0.0, 0.8]))
-    for m, found in enumerate(ekf.gammas(size * np.array([0.6, 0.0, 0.8]))):
+    for m, found in enumerate(
+        invariant_ekf.gammas(size * np.array([0.6, 0.0, 0.8]))
+    ):
         power, total = np.eye(3), np.zeros((3, 3))
         for n in range(40):
             total += power / math.factorial(n + m)
@@ -148,8 +150,8 @@ def test_the_mean_moves_as_the_body_does():
 
 def test_the_error_moves_as_its_transition_says(monkeypatch):
     """Oracle: finite differences of the motion in 40 steps, per error."""
-    monkeypatch.setattr(ekf, "STANCE_NOISE", 0.0)
-    monkeypatch.setattr(ekf, "TURNING", 0.0)
+    monkeypatch.setattr(invariant_ekf, "STANCE_NOISE", 0.0)
+    monkeypatch.setattr(invariant_ekf, "TURNING", 0.0)
     imu, last, eps = np.concatenate((W, F)), start(), 1e-6
     mean = moved(last, imu, 40)
     Phi = np.column_stack(
@@ -173,8 +175,8 @@ def test_a_filter_without_process_noise_is_least_squares(monkeypatch):
     that has turn and place in the gauge leaves these as they were, and what it
     tells within the robot is the same.
     """
-    monkeypatch.setattr(ekf, "STANCE_NOISE", 0.0)
-    monkeypatch.setattr(ekf, "TURNING", 0.0)
+    monkeypatch.setattr(invariant_ekf, "STANCE_NOISE", 0.0)
+    monkeypatch.setattr(invariant_ekf, "TURNING", 0.0)
     # A twentieth of the errors: of their squares the filter knows nothing.
     rng, sharp = np.random.default_rng(5), replace(BLIND, joint_noise=5e-5)
     filter_ = InvariantEkf(sharp, T)
@@ -247,10 +249,12 @@ def test_errors_are_as_large_as_the_filter_says():
             truth = moved(truth, ideal + bias, 1)
             x = truth.x.copy()
             x[2:] += (
-                ekf.STANCE_NOISE * math.sqrt(T) * rng.standard_normal((2, 3))
+                invariant_ekf.STANCE_NOISE
+                * math.sqrt(T)
+                * rng.standard_normal((2, 3))
             )
             heading = truth.heading + (
-                ekf.TURNING * math.sqrt(T) * rng.standard_normal(2)
+                invariant_ekf.TURNING * math.sqrt(T) * rng.standard_normal(2)
             )
             foot = k // 25 % 2
             if k % 25 == 0:
@@ -297,10 +301,10 @@ def test_a_flat_sole_on_known_ground_bounds_height_and_tilt():
     legs = Legs(STILL, np.array([tilted, tilted]), J, STILL)
     filter_, last = InvariantEkf(BLIND, T), last._replace(x=x)
     found = filter_.level(last, 0, 0.01, legs)
-    share = 1e-4 / (1e-4 + ekf.SINKING**2)
+    share = 1e-4 / (1e-4 + invariant_ekf.SINKING**2)
     assert found.x[2, 2] == pytest.approx(0.03 - share * 0.02, abs=1e-5)
     assert found.cov[11, 11] == pytest.approx(1e-4 * (1.0 - share))
-    noise = ekf.FLATNESS**2 + np.square([1e-3, 2e-3])
+    noise = invariant_ekf.FLATNESS**2 + np.square([1e-3, 2e-3])
     share = 1e-4 / (1e-4 + noise)
     assert np.diag(found.cov)[:2] == pytest.approx(1e-4 * (1.0 - share))
     tilt = np.arcsin((found.R @ tilted[:, 2])[:2])

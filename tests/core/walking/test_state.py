@@ -10,19 +10,26 @@ import shapely
 from hypothesis import given
 from shapely import affinity
 
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+    support_polygon,
+)
 from tests.example_walks import SOLE, random_walks
 
-POSE = walking.FootPose([1.0, 2.0, 0.5], math.pi / 2)
-FEET = walking.FootPoses(
-    walking.FootPose([0.0, 0.1, 0.0]), walking.FootPose([0.0, -0.1, 0.0])
-)
-START = walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
+POSE = FootPose([1.0, 2.0, 0.5], math.pi / 2)
+FEET = FootPoses(FootPose([0.0, 0.1, 0.0]), FootPose([0.0, -0.1, 0.0]))
+START = ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
 
 
-def schedule(phase=walking.Phase.SWING, side=walking.Side.LEFT):
+def schedule(phase=Phase.SWING, side=Side.LEFT):
     """Nothing to do but that phase."""
-    return walking.ContactSchedule(phase, side, 0.7, FEET, (), START)
+    return ContactSchedule(phase, side, 0.7, FEET, (), START)
 
 
 def test_points_go_to_the_world_and_back():
@@ -33,21 +40,21 @@ def test_points_go_to_the_world_and_back():
     assert POSE.to_sole(world) == pytest.approx(points)
 
 
-@pytest.mark.parametrize("support", list(walking.Side))
+@pytest.mark.parametrize("support", list(Side))
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
 def test_legs_are_crossed_beyond_the_centre_line(support, yaw):
     """Oracle: by hand, in the frame of the support foot."""
-    stance = walking.FootPose([1.0, 2.0, 0.0], yaw)
+    stance = FootPose([1.0, 2.0, 0.0], yaw)
     for out, crossed in ((0.01, False), (-0.01, True)):
         offset = np.array([[-0.3, support.other.sign * out]])
-        other = walking.FootPose(np.append(stance.to_world(offset), 0.0), yaw)
-        feet = walking.FootPoses(stance, stance).with_foot(support.other, other)
+        other = FootPose(np.append(stance.to_world(offset), 0.0), yaw)
+        feet = FootPoses(stance, stance).with_foot(support.other, other)
         taken = replace(schedule(), support_side=support, feet=feet)
         assert taken.legs_crossed is crossed
 
 
 @pytest.mark.parametrize(
-    "value", [POSE, FEET, START, schedule(), walking.WalkingState(schedule())]
+    "value", [POSE, FEET, START, schedule(), WalkingState(schedule())]
 )
 def test_clones_share_the_value(value):
     """Oracle: identity; numpy would make the copies writeable again."""
@@ -66,8 +73,8 @@ def sole_in_world(foot):
 def test_the_support_polygon_is_the_hull_of_the_soles_in_contact(schedule):
     """Oracle: shapely's hull of both soles, or of the stance sole alone."""
     feet = [schedule.feet.left, schedule.feet.right]
-    if schedule.phase is walking.Phase.SWING:
+    if schedule.phase is Phase.SWING:
         feet = [schedule.feet[schedule.support_side]]
     expected = shapely.union_all([sole_in_world(f) for f in feet]).convex_hull
-    ours = shapely.Polygon(walking.support_polygon(schedule, SOLE))
+    ours = shapely.Polygon(support_polygon(schedule, SOLE))
     assert ours.symmetric_difference(expected).area < 1e-12
