@@ -44,6 +44,7 @@ from nadia_balance.core.walking.state import (
 )
 from nadia_balance.parameters.bounds import bounded, parameters
 
+_HALVINGS = 12  # of an interval of times [-]
 _STILL = 1e-6  # slower commands are to stand [m/s], [rad/s]
 
 
@@ -331,20 +332,24 @@ class FootstepPlan:
                 sides, schedule=schedule, feet=feet, icp=icp, on=on
             )
 
-        def queue(side: Side, starts: bool) -> tuple[Footstep, ...]:
+        def queue(
+            side: Side, first_transfer: float | None
+        ) -> tuple[Footstep, ...]:
             return self.queue(
                 side,
                 stance=feet[side.other],
                 velocity=velocity,
                 command=command,
-                starts=starts,
+                first_transfer=first_transfer,
             )
 
         if schedule.phase is Phase.SWING:
             side, caught = schedule.support_side, self.was_caught(state)
             # A push has priority over the command.
             if moves and error < 2.0 * calm_error:
-                return queue(side, starts=caught)
+                if not caught:
+                    return queue(side, None)
+                return queue(side, self.shift(icp, side, feet))
             if on.step and self.leaves(feet, icp):
                 return recovery(side)
             if error < calm_error and not caught:
@@ -354,7 +359,8 @@ class FootstepPlan:
         if on.step and self.leaves(feet, icp):
             return recovery(*Side)
         if moves:
-            return queue(self.first_side(schedule, command), starts=True)
+            side = self.first_side(schedule, command)
+            return queue(side, self.params.initial_transfer_duration)
         if schedule.phase is Phase.STANDING and error < 0.5 * calm_error:
             return self.squaring(schedule.support_side.other, feet)
         return ()
@@ -532,9 +538,8 @@ class FootstepPlan:
         Args:
             side: foot that steps.
             feet: soles in W.
-            icp: measured ICP (2,) in W [m]: the nearer it is to the stance foot
-                than in standing, the sooner the step; None: it begins as a walk
-                does.
+            icp: measured ICP (2,) in W [m], after a step that caught it (see
+                shift); None: the step begins as a walk does.
             closes: the step ends a walk, and is quick.
             reactive: the step still belongs to a recovery.
 
@@ -545,18 +550,42 @@ class FootstepPlan:
         pose = self.beside(side, stance)
         if pose is None or self._is_square(feet[side], pose):
             return ()
-        share = 1.0
+        transfer, swing = p.initial_transfer_duration, p.swing_duration
         if icp is not None:
-            share = min(
-                math.dist(icp, stance.p_WF[:2]) / (0.5 * self.model.step_width),
-                1.0,
-            )
-        transfer, swing = p.transfer_duration, p.swing_duration
-        transfer += share * (p.initial_transfer_duration - transfer)
+            transfer = self.shift(icp, side, feet)
         if closes:
             transfer = p.closing_share * p.transfer_duration
             swing = p.closing_share * p.swing_duration
         return (Footstep(side, pose, transfer, swing, reactive=reactive),)
+
+    def shift(self, icp: Array, side: Side, feet: FootPoses) -> float:
+        """The time in which the weight shifts from one foot to the other.
+
+        A CoP that moves evenly from the centre of the one to that of the other
+        in T leads an ICP there that has the share u of this way behind it, with
+        (1 - exp(-w T)) / (w T) = u.  Slower, the ICP passes the foot.
+
+        Args:
+            icp: measured ICP (2,) in W [m].
+            side: foot that steps then.
+            feet: soles in W.
+
+        Returns:
+            T [s], between a transfer of the walk and that of its begin.
+        """
+        start = feet[side].p_WF[:2]
+        way = feet[side.other].p_WF[:2] - start
+        behind = float((icp - start) @ way / (way @ way))
+        shortest = self.params.transfer_duration
+        longest = self.params.initial_transfer_duration
+        for _ in range(_HALVINGS):
+            time = 0.5 * (shortest + longest)
+            x = self.model.omega * time
+            if -math.expm1(-x) / x > behind:
+                shortest = time
+            else:
+                longest = time
+        return 0.5 * (shortest + longest)
 
     def _is_square(self, foot: FootPose, pose: FootPose) -> bool:
         """True if the `foot` is so close to its `pose` that it may stand."""
@@ -575,7 +604,7 @@ class FootstepPlan:
         stance: FootPose,
         velocity: Array,
         command: Array,
-        starts: bool = False,
+        first_transfer: float | None = None,
     ) -> tuple[Footstep, ...]:
         """Each step takes the frame between the feet on by v T.
 
@@ -589,7 +618,7 @@ class FootstepPlan:
             stance: the other foot in W.
             velocity: that of the walk (3,), forward, left [m/s], turn [rad/s].
             command: the velocity commanded (3,).
-            starts: the first transfer is that of a walk which begins.
+            first_transfer: its duration [s]; None: as the others.
 
         Returns:
             The next `num_steps` steps; fewer if they end side by side.
@@ -598,7 +627,7 @@ class FootstepPlan:
         room = room_inside(self.model)
         share = pace(p, self.model, self.after_step(velocity, command))
         transfer, swing = share * p.transfer_duration, share * p.swing_duration
-        before = p.initial_transfer_duration if starts else transfer
+        before = transfer if first_transfer is None else first_transfer
         frame = stance.displaced(0.0, side.sign * half)
         steps: list[Footstep] = []
         for _ in range(p.num_steps):

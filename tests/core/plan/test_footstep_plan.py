@@ -8,6 +8,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from nadia_balance.core.body.ground import Ground, Region
 from nadia_balance.core.body.reachability import base_region, step_regions
@@ -54,6 +55,12 @@ def asked(icp=(0.0, 0.0), command=STILL, velocity=None, **changes):
         values["feet"],
         values["on"],
     )
+
+
+def even_shift(behind: float) -> float:
+    """The time of a CoP that moves evenly, by scipy: `behind` of it is done."""
+    end = brentq(lambda x: -math.expm1(-x) / x - behind, 1e-6, 50.0)
+    return end / OMEGA
 
 
 @pytest.mark.parametrize(
@@ -272,7 +279,8 @@ def test_the_speed_changes_by_the_acceleration_in_each_step():
 def test_a_walk_that_is_to_stop_closes_its_feet():
     """Oracle: by hand: the next foot beside the one that landed ahead.
 
-    After a step that caught the robot, the weight shifts as from standing.
+    After a step that caught the robot, the weight shifts by where the ICP is:
+    from midway as long as a CoP that moves evenly brings it to the foot.
     """
     schedule = walks.swing(length=0.3)
     landed = schedule.footsteps[0].pose
@@ -291,8 +299,9 @@ def test_a_walk_that_is_to_stop_closes_its_feet():
     assert step.transfer_duration == 0.75 * PARAMS.transfer_duration
     caught = replace(schedule.footsteps[0], reactive=True)
     after = replace(schedule, footsteps=(caught,))
-    (slow,) = asked(reference, schedule=after, feet=feet, reference=reference)
-    assert slow.transfer_duration == PARAMS.initial_transfer_duration
+    middle = 0.5 * (landed.p_WF + feet.left.p_WF)[:2]
+    (slow,) = asked(middle, schedule=after, feet=feet, reference=middle)
+    assert slow.transfer_duration == pytest.approx(even_shift(0.5), abs=2e-4)
     feet = feet.with_foot(Side.LEFT, step.pose)
     assert (
         asked(reference, schedule=schedule, feet=feet, reference=reference)
@@ -310,14 +319,14 @@ def test_stands_where_it_landed_if_the_feet_hold_it():
     feet = schedule.feet.with_foot(Side.RIGHT, ahead)
     (step,) = asked((0.4, 0.0), schedule=schedule, feet=feet)
     assert step.side is Side.LEFT
-    assert step.transfer_duration == PARAMS.initial_transfer_duration
+    # 0.5 m ahead and 0.25 m aside, of which it has 0.4 and 0.125 behind it.
+    expected = even_shift((0.5 * 0.4 + 0.25 * 0.125) / (0.5**2 + 0.25**2))
+    assert step.transfer_duration == pytest.approx(max(expected, 0.2), abs=2e-4)
     assert step.pose.p_WF == pytest.approx([0.5, 0.125, 0.0])
-    (soon,) = asked((0.5, -0.1), schedule=schedule, feet=feet)
-    early, late = PARAMS.transfer_duration, PARAMS.initial_transfer_duration
-    expected = early + 0.025 / 0.125 * (late - early)  # 25 mm from its centre
-    assert soon.transfer_duration == pytest.approx(expected)
-    (back,) = asked((0.1, 0.0), schedule=schedule, feet=feet)
+    (back,) = asked((0.15, 0.0), schedule=schedule, feet=feet)
     assert back.side is Side.RIGHT
+    expected = even_shift((0.5 * 0.35 + 0.25 * 0.125) / (0.5**2 + 0.25**2))
+    assert back.transfer_duration == pytest.approx(expected, abs=2e-4)
     beyond = asked((0.8, 0.0), schedule=schedule, feet=feet)
     assert beyond[0].side is Side.LEFT
     assert beyond[0].transfer_duration == PARAMS.recovery_transfer_duration
@@ -387,3 +396,25 @@ def test_without_ground_it_does_not_step():
     plan = FootstepPlan(PARAMS, replace(MODEL, ground=ground), ADJUSTER)
     assert plan.caught(Side.RIGHT, FEET.left) == ()
     assert asked(command=(0.3, 0.0, 0.0), plan=plan) == ()
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+@pytest.mark.parametrize("duration", [0.25, 0.4, 0.55])
+def test_the_weight_shifts_as_fast_as_the_icp_comes(duration, yaw):
+    """Oracle: the pendulum, integrated, under a CoP that moves evenly.
+
+    The ICP ends at the foot; the times of a walk are the least and the most.
+    """
+    turned = FEET.left.displaced(0.1, 0.0, yaw)
+    feet = FEET.with_foot(Side.LEFT, turned)
+    start, end = feet.right.p_WF[:2], feet.left.p_WF[:2]
+    icp, n = end.copy(), 20000
+    for i in reversed(range(n)):  # from its end to its beginning
+        cop = start + (i + 0.5) / n * (end - start)
+        icp = cop + (icp - cop) * math.exp(-OMEGA * duration / n)
+    found = PLAN.shift(icp, Side.RIGHT, feet)
+    assert found == pytest.approx(duration, abs=2e-4)
+    aside = icp + 0.03 * np.array([start[1] - end[1], end[0] - start[0]])
+    assert PLAN.shift(aside, Side.RIGHT, feet) == pytest.approx(found)
+    assert PLAN.shift(start, Side.RIGHT, feet) == pytest.approx(0.6, abs=2e-4)
+    assert PLAN.shift(end, Side.RIGHT, feet) == pytest.approx(0.2, abs=2e-4)
