@@ -9,7 +9,7 @@ from unittest.mock import patch
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from nadia_balance.core.math.daqp_solver import DaqpSolver
+from nadia_balance.core.math import qp
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.scripts import benchmark
 from nadia_balance.scripts.benchmark import tick_time
@@ -59,8 +59,8 @@ def test_measures_a_whole_tick_of_the_controller():
     diagram = diagram_of("{gait: {num_steps: 2}}")
     loop = start(diagram)
     loop.AdvanceTo(0.1)
-    solve = DaqpSolver.solve
-    with patch.object(DaqpSolver, "solve", autospec=True) as solved:
+    solve = qp.solve_arrays
+    with patch.object(qp, "solve_arrays", autospec=True) as solved:
         solved.side_effect = solve
         tick_time(Simulator(diagram.controller), loop.get_context())
     assert solved.call_count == 2

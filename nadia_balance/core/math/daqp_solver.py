@@ -169,12 +169,35 @@ class DaqpSolver(solvers.SolverInterface):
             self._picks[prog] = variables, picks
         H, g = _cost(prog, picks)
         A, lower, upper = _rows(prog, picks)
-        _check(lower, upper)
-        x, flag = _solution(H=H, g=g, A=A, lower=lower, upper=upper)
-        result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
-        if result is not solvers.SolutionResult.kSolutionFound:
-            x = np.full(g.size, np.nan)
-        return x, result
+        return solve_arrays(H=H, g=g, A=A, lower=lower, upper=upper)
+
+
+def solve_arrays(
+    *, H: Array, g: Array, A: Array, lower: Array, upper: Array
+) -> tuple[Array, solvers.SolutionResult]:
+    """Minimises 1/2 x'Hx + g'x subject to lower <= A x <= upper.
+
+    Args:
+        H: positive semidefinite (n, n); fastest if H.T is contiguous.
+        g: (n,), finite.
+        A: contiguous rows (m, n), finite.
+        lower: (m,), equal to `upper` in rows that are equalities.
+        upper: (m,).
+
+    Returns:
+        The minimum x (n,), and its result; unless that is kSolutionFound, x is
+        NaN.
+
+    Raises:
+        ValueError: a bound is NaN, a lower bound is inf or an upper bound is
+            -inf, H or g is not finite.
+    """
+    _check(lower, upper)
+    x, flag = _solution(H=H, g=g, A=A, lower=lower, upper=upper)
+    result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
+    if result is not solvers.SolutionResult.kSolutionFound:
+        x = np.full(g.size, np.nan)
+    return x, result
 
 
 def _pick(binding: Any, prog: Program, picks: _Picks) -> Array | None:

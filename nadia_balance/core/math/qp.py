@@ -8,7 +8,7 @@ from pydrake import solvers
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.daqp_solver import DaqpSolver
+from nadia_balance.core.math.daqp_solver import solve_arrays
 
 # A hundredth of Clarabel's default.
 _GAP_TOLERANCE = 1e-10
@@ -69,8 +69,9 @@ class DenseQp:
 
     H (n, n) must be positive definite, bounds may be equal or infinite, and
     the number of rows may change: no result depends on an earlier one.  DAQP
-    solves it; if it finds neither a solution nor a proof of infeasibility,
-    Clarabel does to its own accuracy, and `fallback` is True.
+    takes its arrays; if it finds neither a solution nor a proof of
+    infeasibility, the MathematicalProgram is filled with them, Clarabel solves
+    it to its own accuracy, and `fallback` is True.
 
     Args:
         num_variables: n, the length of x.
@@ -97,7 +98,6 @@ class DenseQp:
         # Kept, because each access takes as long as an update.
         self._cost = cost.evaluator()
         self._limits = limits.evaluator()
-        self._daqp = DaqpSolver()
         self._options = solvers.SolverOptions()
         for name in ("tol_gap_abs", "tol_gap_rel"):
             self._options.SetOption(ClarabelSolver.id(), name, _GAP_TOLERANCE)
@@ -116,16 +116,19 @@ class DenseQp:
                 a lower bound of inf or an upper one of -inf.
         """
         problem.require_finite()
-        # H.T equals H, in the memory order for which Drake makes no copy.
-        self._cost.UpdateCoefficients(
-            new_Q=problem.H.T, new_b=problem.g, new_c=0.0, is_convex=True
+        # H.T equals H, in the memory order for which nobody makes a copy.
+        x, result = solve_arrays(
+            H=problem.H.T,
+            g=problem.g,
+            A=problem.A,
+            lower=problem.lower,
+            upper=problem.upper,
         )
-        self._limits.UpdateCoefficients(problem.A, problem.lower, problem.upper)
-        x, result = self._daqp.solve(self._program)
         if result is solvers.SolutionResult.kSolutionFound:
             return QpResult(x, True, violation=problem.violation(x))
         if result is solvers.SolutionResult.kInfeasibleConstraints:
             return QpResult(x, False)
+        self._fill(problem)
         second = ClarabelSolver().Solve(self._program, None, self._options)
         if not second.is_success():
             return QpResult(x, False, solves=2, fallback=True)
@@ -137,6 +140,12 @@ class DenseQp:
             fallback=True,
             violation=problem.violation(x),
         )
+
+    def _fill(self, problem: QpProblem) -> None:
+        self._cost.UpdateCoefficients(
+            new_Q=problem.H.T, new_b=problem.g, new_c=0.0, is_convex=True
+        )
+        self._limits.UpdateCoefficients(problem.A, problem.lower, problem.upper)
 
 
 def largest_first(A: Array, b: Array) -> Array | None:
