@@ -231,7 +231,6 @@ def later_steps(
 
     with Minkowski sums, as the robot may stop after any step, but cannot skip
     one.
-
     The hull is exact for convex R_k, as a step may last longer than planned:
     it is the union of E (R + D) for 0 <= E <= E_k, and E = 0 means stopping.
     Erratum: the Nadia paper, Eq. 14, adds E^(n-1) R_n to C_n-1.  These regions
@@ -284,7 +283,6 @@ class SwingGeometry(Immutable):
     `regions` are the reachability regions by name, `places` the ground within
     them; `foot` is the CoP polygon of the stance foot; `offsets` are D_1, ...,
     D_N of `later_steps`, with N at most the number of queued steps.
-
     The next foothold is on the ground; later steps are taken as on flat ground.
     With cross-over, these use the hull of base and cross-over regions and
     ignore the stance foot as an obstacle.  This enlarges Nadia's C_3 in
@@ -312,10 +310,9 @@ class SwingGeometry(Immutable):
         self.swing = step.side
         usable = params.usable_foot(model.cop_area)
         self.foot = in_world(usable, stance, step.side)
-        reach = step_regions(model.reach, on.cross_over)
         self.regions = {
             name: in_world(region, stance, step.side)
-            for name, region in reach.items()
+            for name, region in step_regions(model.reach, on.cross_over).items()
         }
         self.places = tuple(self._places(step.pose.yaw))
         steps = schedule.footsteps[: params.num_steps]
