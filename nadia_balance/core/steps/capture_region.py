@@ -308,8 +308,9 @@ class SwingGeometry(Immutable):
         self.model = model
         self.stance = stance
         self.swing = step.side
-        usable = params.usable_foot(model.cop_area)
-        self.foot = in_world(usable, stance, step.side)
+        self.foot = in_world(
+            params.usable_foot(model.cop_area), stance, step.side
+        )
         self.regions = {
             name: in_world(region, stance, step.side)
             for name, region in step_regions(model.reach, on.cross_over).items()
@@ -495,6 +496,5 @@ def _stance_foot(
     A, b = halfspaces(
         minkowski_sum(convex_hull(stance.to_world(sole)), reflected)
     )
-    y_axis = stance.rotation[:, 1] * step.side.sign
-    inner = A @ y_axis > _INWARD
+    inner = A @ (stance.rotation[:, 1] * step.side.sign) > _INWARD
     return A[inner], b[inner]

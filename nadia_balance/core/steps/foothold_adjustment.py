@@ -245,8 +245,9 @@ def propose_adjustment(
     if soon is target or target.pose == current.pose or landing.foot is None:
         return soon
     later = in_time(current, target, landing=landing, time=late)
-    least_gain = params.rules.distance_hysteresis
-    if landing.missed(later) > landing.missed(soon) - least_gain:
+    if landing.missed(later) > (
+        landing.missed(soon) - params.rules.distance_hysteresis
+    ):
         return soon
     return replace(later, prolonged=params.prolongation)
 
@@ -279,16 +280,17 @@ def adjust_foothold(
     covered = polygon.contains(nominal.p_WF[:2], region, -params.margin)
     if covered and landing.geometry.allows(nominal):
         ticks = current.covered_ticks + 1
-        enough = number_of_ticks(params.return_time, period)
-        waits = current.moved and ticks < enough
+        waits = current.moved and ticks < number_of_ticks(
+            params.return_time, period
+        )
         if waits and polygon.contains(current.pose.p_WF[:2], region):
             return replace(current, covered_ticks=ticks)
         return Adjustment(current.nominal, nominal)
 
     def cost(option: tuple[Place, Array]) -> float:
         place, point = option
-        kept = _is_last(place, current) * params.rules.distance_hysteresis
-        return math.dist(point, nominal.p_WF[:2]) - kept
+        bonus = _is_last(place, current) * params.rules.distance_hysteresis
+        return math.dist(point, nominal.p_WF[:2]) - bonus
 
     closest = [
         (goal.place, _foothold(nominal, goal, landing.geometry))
@@ -359,8 +361,9 @@ def goals(
 
 def _is_last(place: Place, current: Adjustment) -> bool:
     """True if the present, moved foothold was chosen in this place."""
-    last = current.region, current.ground
-    return current.moved and (place.reach, place.ground) == last
+    return current.moved and (
+        (place.reach, place.ground) == (current.region, current.ground)
+    )
 
 
 def _clipped(options: Iterable[Goal], A: Array, b: Array) -> list[Goal]:
@@ -504,12 +507,14 @@ def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
         C_1, ..., C_N, the reachability region, and both footholds.
     """
     geometry = landing.geometry
-    inner = (
-        capture_region(landing.one_step, offsets)
-        for offsets in geometry.offsets[:-1]
-    )
     return CaptureRegions(
-        regions=(*inner, landing.capture_region),
+        regions=(
+            *(
+                capture_region(landing.one_step, offsets)
+                for offsets in geometry.offsets[:-1]
+            ),
+            landing.capture_region,
+        ),
         # A region chosen before cross-over was switched off is missing.
         reach=geometry.regions.get(adjustment.region, geometry.regions[BASE]),
         nominal=adjustment.nominal.pose,

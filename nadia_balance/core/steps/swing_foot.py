@@ -156,10 +156,11 @@ class SwingFoot:
             resting = at_rest(schedule.feet[schedule.support_side.other])
             return resting, resting
         end, horizon = self._course(previous, state, edges)
-        ahead = self.period + self.lead
         return (
             quintic_at(previous, end, horizon=horizon, t=self.period),
-            quintic_at(previous, end, horizon=horizon, t=ahead),
+            quintic_at(
+                previous, end, horizon=horizon, t=self.period + self.lead
+            ),
         )
 
     def _course(

@@ -389,8 +389,11 @@ def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
     else:
         other = schedule.feet[schedule.support_side.other].yaw
         rate = acceleration = 0.0
-    difference = math.remainder(other - stance, math.tau)
-    return stance + 0.5 * difference, 0.5 * rate, 0.5 * acceleration
+    return (
+        stance + 0.5 * math.remainder(other - stance, math.tau),
+        0.5 * rate,
+        0.5 * acceleration,
+    )
 
 
 def max_normal_force(
