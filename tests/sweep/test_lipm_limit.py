@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.core.walking.state import Phase
+from nadia_balance.core.walking.state import Footstep, Phase, Side, WalkingState
 from nadia_balance.sweep.lipm_limit import LOST, LipmLimit
 from tests.example_walks import ALL, FEET, MODEL, walk
 
@@ -57,9 +56,9 @@ def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
 
     As the Nadia paper's Fig. 10: swing 0.7 s, transfer 0.3 s.
     """
-    left, right = (FEET[side].p_WF[:2] for side in walking.Side)
-    sides = [walking.Side.RIGHT, walking.Side.LEFT] * 3
-    steps = [walking.Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
+    left, right = (FEET[side].p_WF[:2] for side in Side)
+    sides = [Side.RIGHT, Side.LEFT] * 3
+    steps = [Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
     duration = 0.7 if phase is Phase.SWING else 0.3
     steps = tuple(steps[:num_steps])
     schedule = replace(walk(), phase=phase, duration=duration, footsteps=steps)
@@ -71,7 +70,7 @@ def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
         now = right + at * (left - right)
         rest = [((1.0 - at) * 0.3, now, left), *cycle[1:]]
     icp = icp_of(model, [*rest, *cycle * 3])
-    state = walking.WalkingState(schedule, at * duration, at * duration)
+    state = WalkingState(schedule, at * duration, at * duration)
     given = {"timing": TIMING, "model": model, "on": on, **more}
     return LipmLimit(state=state, icp=icp, foot=right, **given)
 
@@ -143,7 +142,7 @@ def test_the_farthest_icp_of_a_step(phase, at, rest, swing, load):
     if rest > 0.0:
         behind = 1.0 + math.expm1(-rest * w) / (rest * w)
         present += (1.0 - at) * behind * np.array([0.0, -0.25])
-    left = FEET[walking.Side.LEFT].p_WF[:2]
+    left = FEET[Side.LEFT].p_WF[:2]
     for beyond, expected in ((-1, -1), 1), ((1, -1), LOST), ((-1, 2), LOST):
         icp = left + present + 1e-3 * np.array(beyond)
         assert replace(found, icp=icp).least_steps() == expected

@@ -29,7 +29,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Adjustment, FootPose, WalkingState
 from tests.core.body.test_ground import square
 from tests.core.steps.test_capture_region import PARAMS, geometry, on_ground
 from tests.example_walks import ALL, UNCROSSED, mirrored, moved, swing
@@ -52,7 +52,7 @@ PUSHES += [[0.1, 0.1], [0.0, 0.1], [0.0, 0.3], [0.15, 0.2]]
 
 
 def state_at(t, schedule=IN_PLACE, adjustment=None):
-    return walking.WalkingState(
+    return WalkingState(
         schedule, time_in_phase=t, elapsed=t, adjustment=adjustment
     )
 
@@ -102,8 +102,8 @@ STEP = IN_PLACE.footsteps[0]
 
 def at(x, y, region=BASE, **more):
     """An adjustment of IN_PLACE's step."""
-    pose = walking.FootPose([x, y, 0.0])
-    return walking.Adjustment(STEP, pose, region, **more)
+    pose = FootPose([x, y, 0.0])
+    return Adjustment(STEP, pose, region, **more)
 
 
 # Which region: the rules.
@@ -299,8 +299,8 @@ def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
     """
     reach = GEOMETRY.regions[FORWARD]
     free = shapely.Polygon(reach) - shapely.box(-0.255, 0.0, 0.255, 9.0)
-    pose = walking.FootPose([0.15, 0.02, 0.0])
-    current = walking.Adjustment(replace(STEP, pose=pose), pose, FORWARD)
+    pose = FootPose([0.15, 0.02, 0.0])
+    current = Adjustment(replace(STEP, pose=pose), pose, FORWARD)
     region, wanted = rectangle(4.0, 4.0), shapely.Point(0.15, 0.02)
     if captured != "everything":
         region = rectangle(0.02, 0.02) + [0.12, 0.12]
@@ -318,7 +318,7 @@ def test_the_mirror_and_a_turned_world_change_nothing():
     E^2, may be parallel to the reach: then the point is open by their length.
     """
     angle, shift = 2.5, np.array([10.0, -20.0])
-    R, flip = walking.FootPose(yaw=angle).rotation, np.array([1.0, -1.0])
+    R, flip = FootPose(yaw=angle).rotation, np.array([1.0, -1.0])
     schedule = swing(length=0.1, turn=0.2)
     elsewhere = moved(schedule, angle, shift)
     for push in PUSHES:
@@ -339,7 +339,7 @@ def test_the_mirror_and_a_turned_world_change_nothing():
 def test_a_nominal_foothold_out_of_reach_is_brought_within():
     """Oracle: the reach, though the capture region covers the foothold."""
     # Legs that are crossed already.
-    step = replace(STEP, pose=walking.FootPose([0.0, 0.05, 0.0]))
+    step = replace(STEP, pose=FootPose([0.0, 0.05, 0.0]))
     schedule = replace(IN_PLACE, footsteps=(step, *IN_PLACE.footsteps[1:]))
     found = propose(state_at(0.1, schedule), [0.0, 0.085], on=UNCROSSED)
     assert contains(step.pose.p_WF[:2], region_at(0.1, [0.0, 0.085]))

@@ -14,8 +14,12 @@ from nadia_balance.core.steps.swing_foot import (
     end_beyond,
     quintic,
 )
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.core.walking.state import (
+    FootPose,
+    FootPoses,
+    Side,
+    WalkingState,
+)
 from tests.example_walks import IDEAL_DETOUR, MODEL, stepping
 
 HORIZON = 0.6
@@ -93,10 +97,10 @@ def swing_state(
     t, goal=GOAL, yaw=0.2, duration=0.7, start=START, stance=STANCE, gained=0.0
 ):
     """The right foot swings from `start` to `goal`."""
-    feet = walking.FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
+    feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
     pose, late = FootPose([*goal, 0.0], yaw), t >= duration
     schedule = stepping(feet, pose, duration=duration)
-    return walking.WalkingState(schedule, t, t - gained, waiting=late)
+    return WalkingState(schedule, t, t - gained, waiting=late)
 
 
 def crossing(t, goal, start=NOMINAL, **kwargs):

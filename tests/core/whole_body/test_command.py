@@ -14,11 +14,14 @@ from nadia_balance.core.walking.state import (
     Side,
     WalkingState,
 )
-from nadia_balance.core.whole_body import params as whole_body_params
 from nadia_balance.core.whole_body.command import (
     WholeBodyModel,
     crossing_turn,
     whole_body_command,
+)
+from nadia_balance.core.whole_body.params import (
+    CrossingTurnParams,
+    WholeBodyQpParams,
 )
 from tests.example_walks import stepping
 
@@ -43,7 +46,7 @@ def command(walking_state, swing=None, **params):
         np.zeros(3),
         np.zeros(12) if swing is None else swing,
         0.6,
-        whole_body_params.WholeBodyQpParams(**params),
+        WholeBodyQpParams(**params),
         MODEL,
     )
 
@@ -141,7 +144,7 @@ def test_the_trailing_foot_of_a_long_step_may_roll(ahead, yaw, edge):
         assert command(flat).edges == (0.0, 0.0)
 
 
-PARAMS = whole_body_params.CrossingTurnParams()
+PARAMS = CrossingTurnParams()
 
 
 def turn_of(

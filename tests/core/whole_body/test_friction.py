@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.whole_body import limits as friction
+from nadia_balance.core.whole_body.limits import friction_after
 from nadia_balance.core.whole_body.params import SlipParams, WholeBodyQpParams
 
 PERIOD = 0.002
@@ -15,7 +15,7 @@ STILL, FAST = (0.0, 0.0, 0.0), (0.0, 0.5, 0.0)
 
 def after(force, velocity, last=STANDING):
     """With this force [weights] on the left sole, which moves so [m/s]."""
-    return friction.friction_after(
+    return friction_after(
         last,
         np.array([force, (0.0, 0.0, 0.5)]),
         np.array([velocity, STILL]),
