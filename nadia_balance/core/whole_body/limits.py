@@ -182,8 +182,8 @@ class WholeBodyLimits:
     ) -> Array:
         """The least and the largest torques, per unit of the robot's mass.
 
-        They follow from the torque-speed line of the drives, and from the
-        torque rate limit, which is weaker.
+        They follow from the torque rate limit and from the torque-speed line
+        of the drives, which overrides it.
 
         Args:
             speed: of the joints (nj,) [rad/s].

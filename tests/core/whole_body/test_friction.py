@@ -26,8 +26,8 @@ def after(force, velocity, last=STANDING):
 
 def test_less_is_counted_on_than_what_did_not_hold():
     """Oracle: by hand, 0.9 of the larger side over the normal force."""
-    found = after((0.2, -0.25, 0.5), FAST)[0]
-    assert found == pytest.approx(0.9 * 0.25 / 0.5)
+    friction = after((0.2, -0.25, 0.5), FAST)[0]
+    assert friction == pytest.approx(0.9 * 0.25 / 0.5)
     _, left, right = after((0.2, -0.25, 0.0), FAST)
     assert (left, right) == (0.0, pytest.approx(1.0 + PERIOD))  # under load
     assert after((0.2, -0.25, 0.5), STILL)[0] == USUAL
