@@ -112,8 +112,8 @@ def make_infeasible(monkeypatch):
     """Bounds one force from below by 1 and from above by -1."""
     fill = WholeBodyLimits.fill
 
-    def impossible(self, C, bounds, *arguments):
-        fill(self, C, bounds, *arguments)
+    def impossible(self, C, bounds, **arguments):
+        fill(self, C=C, bounds=bounds, **arguments)
         C[-2] = C[-1]
         bounds[:, -2:] = [[1.0, -np.inf], [np.inf, -1.0]]
 

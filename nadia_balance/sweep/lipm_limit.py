@@ -23,16 +23,20 @@ from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.math.qp import largest_first
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.mechanisms import Mechanisms
-from nadia_balance.core.walking.state import support_polygon
+from nadia_balance.core.walking.state import (
+    Footstep,
+    Phase,
+    WalkingState,
+    support_polygon,
+)
 
 LOST = -1  # no number of steps captures the robot
 
-_MOST_STEPS = 4
+_MAX_STEPS = 4
 # Tried delays of each landing after the earliest one, in 1 / omega.  With
 # limited foot speed, a later landing allows a longer step.
-_WAITS = (
+_DELAYS = (
     (0.0, 0.17, 0.33, 0.5, 0.83, 1.2, 1.7),
     (0.0, 0.33, 0.83, 1.8),
     (0.0, 0.33, 0.83),
@@ -51,21 +55,37 @@ Swings = tuple[float, ...]  # durations [s]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LipmLimit:
-    """Steps and pushes at one instant, in `state`, with the `icp` (2,) [m].
+    """The largest push that N steps capture, by a linear program.
 
-    The swing foot is at `foot` (2,) [m] when the push begins; its mean speed on
-    the straight line to its foothold is limited to model.detour.max_speed, as
-    that of later feet.  The eCMP may leave the soles by `kappa` [m] along x and
-    y, at any time and without cost.  If the CoM falls by `fall` [m/s] at each
-    touchdown, the ICP is, to first order, that of a touchdown fall / (2 g)
-    earlier (see ComHeight.sinking).  The feet stay parallel.  Without
-    `on.step`, `on.swing` or `on.transfer`, footholds or durations are the
-    planned ones.
+        maximise delta_v, over the vectors of all steps, subject to
+            the ICP after the push = the weighted mean of all future eCMPs,
+            every eCMP in the soles, every step within reach and foot speed,
 
-    Raises ValueError: `kappa` or `fall` is negative.
+    for given durations and regions, of which all combinations are tried.  The
+    eCMP may leave the soles by `kappa` along x and y, at any time and without
+    cost.  The feet stay parallel.  Without `on.step`, `on.swing` or
+    `on.transfer`, footholds or durations are the planned ones.
+
+    Args:
+        state: walking state at the instant of the push.
+        icp: ICP (2,) in W [m].
+        foot: position of the swing foot (2,) in W when the push begins; its
+            mean speed on the straight line to its foothold is limited to
+            model.detour.max_speed, as that of later feet [m].
+        model: pendulum, soles and reach.
+        timing: least durations.
+        on: mechanisms.
+        kappa: excursion of the eCMP [m].
+        fall: velocity by which the CoM falls at each touchdown; the ICP is
+            then, to first order, that of a touchdown fall / (2 g) earlier (see
+            ComHeight.sinking) [m/s].
+        push_duration: of the push [s].
+
+    Raises:
+        ValueError: `kappa` or `fall` is negative.
     """
 
-    state: walking.WalkingState
+    state: WalkingState
     icp: Array
     foot: Array
     model: PointMassModel
@@ -73,7 +93,7 @@ class LipmLimit:
     on: Mechanisms
     kappa: float = 0.0
     fall: float = 0.0
-    push_duration: float = 0.1  # [s]
+    push_duration: float = 0.1
 
     def __post_init__(self) -> None:
         if not self.kappa >= 0.0:
@@ -84,68 +104,90 @@ class LipmLimit:
     @cached_property
     def assumptions(self) -> str:
         """The assumptions of the limit, with numbers, as text."""
-        m, (length, width) = self.model, np.ptp(self.model.sole, axis=0)
+        length, width = np.ptp(self.model.sole, axis=0)
         swing, transfer = (min(times) for times in self._durations)
-        speed = f"mean foot speed up to {m.detour.max_speed:g} m/s"
-        if math.isinf(m.detour.max_speed):
-            speed = "any foot speed"
+        max_speed = self.model.detour.max_speed
+        speed = (
+            "any foot speed"
+            if math.isinf(max_speed)
+            else f"mean foot speed up to {max_speed:g} m/s"
+        )
         return (
-            f"a point mass {m.com_height:g} m high; soles {length:g} m x "
-            f"{width:g} m, eCMP up to {self.kappa:g} m outside; swings from "
+            f"a point mass {self.model.com_height:g} m high; "
+            f"soles {length:g} m x {width:g} m, "
+            f"eCMP up to {self.kappa:g} m outside; swings from "
             f"{swing:g} s, transfers from {transfer:g} s with linear weight "
-            f"shift; {speed}; reach as in robot.yaml; up to {_MOST_STEPS} "
+            f"shift; {speed}; reach as in robot.yaml; up to {_MAX_STEPS} "
             f"steps, all known when a push of {self.push_duration:g} s begins"
         )
 
     def largest_push(self, direction_deg: float) -> float:
-        """Returns the largest push [m/s] at an angle: 0 forward, 90 left [deg].
+        """The largest push in a direction.
 
         With `on.step` all smaller step counts are tried, as the robot may stop.
+
+        Args:
+            direction_deg: 0 forward, 90 left [deg].
+
+        Returns:
+            The change of the CoM's velocity [m/s].
         """
         angle = self._side * math.radians(direction_deg)
-        way = np.array([math.cos(angle), math.sin(angle)])
-        most = len(self._steps)
-        return self._best(way, range(0 if self.on.step else most, most + 1))
+        direction = np.array([math.cos(angle), math.sin(angle)])
+        last = len(self._steps)
+        counts = range(0 if self.on.step else last, last + 1)
+        return self._best(direction, counts)
 
     def least_steps(self) -> int:
-        """Returns the least n such that n steps capture the ICP, or LOST.
+        """The least number of steps that capture the ICP, without a push.
 
-        No push follows; n = 0 if the ICP is in the support polygon.
+        Returns:
+            The number n; 0 if the ICP is in the support polygon, LOST if none
+            does.
         """
-        way = np.array([1.0, 0.0])
+        forward = np.array([1.0, 0.0])
         for n in range(len(self._steps) + 1):
-            if self._best(way, [n], most=0.0) >= -_BETTER:
+            if self._best(forward, [n], upper_bound=0.0) >= -_BETTER:
                 return n
         return LOST
 
     def _best(
-        self, way: Array, step_counts: Iterable[int], most: float = math.inf
+        self,
+        direction: Array,
+        step_counts: Iterable[int],
+        upper_bound: float = math.inf,
     ) -> float:
-        """Returns the largest push [m/s] along `way` (2,), up to `most`.
+        """Returns the largest push [m/s] along `direction` (2,).
 
         Each step count, timing and choice of regions is a linear program, and
         branched on only if that of the hull is better than the best so far.
         """
         best = -math.inf
-        names = [name for name in self._regions if name != _HULL]
-        for swings in (s for n in step_counts for s in self._swings(n)):
+        for swings in itertools.chain.from_iterable(
+            map(self._swings, step_counts)
+        ):
             undecided = [(_HULL,) * len(swings)]
             while undecided:
                 regions = undecided.pop()
-                found = self._solve(way, swings, regions, most)
-                if found is None or found < best + _BETTER:
+                push = self._solve(
+                    direction, swings, regions=regions, upper_bound=upper_bound
+                )
+                if push is None or push < best + _BETTER:
                     continue
                 if _HULL not in regions:
-                    best = found
-                    continue
-                k = regions.index(_HULL)
-                before, after = regions[:k], regions[k + 1 :]
-                undecided += [(*before, name, *after) for name in names]
+                    best = push
+                else:
+                    k = regions.index(_HULL)
+                    undecided += [
+                        (*regions[:k], name, *regions[k + 1 :])
+                        for name in self._regions
+                        if name != _HULL
+                    ]
         return best
 
     @property
-    def _steps(self) -> tuple[walking.Footstep, ...]:
-        return self.state.schedule.footsteps[:_MOST_STEPS]
+    def _steps(self) -> tuple[Footstep, ...]:
+        return self.state.schedule.footsteps[:_MAX_STEPS]
 
     @property
     def _side(self) -> int:
@@ -154,35 +196,40 @@ class LipmLimit:
     @cached_property
     def _foot(self) -> Array:
         """Position (2,) [m] of the first swing foot, see `_local`."""
-        schedule, foot = self.state.schedule, self.foot
-        if schedule.phase is not walking.Phase.SWING:
-            foot = schedule.feet[schedule.support_side.other].p_WF[:2]
-        return self._local(foot)
+        schedule = self.state.schedule
+        if schedule.phase is Phase.SWING:
+            return self._local(self.foot)
+        return self._local(schedule.feet[schedule.support_side.other].p_WF[:2])
 
     def _local(self, points: Array) -> Array:
         """Points (..., 2) of W in the stance sole's frame, y to the swing."""
-        schedule = self.state.schedule
-        stance = schedule.feet[schedule.support_side]
+        stance = self.state.schedule.feet[self.state.schedule.support_side]
         return stance.to_sole(points) * [1.0, self._side]
 
     @cached_property
     def _regions(self) -> dict[str, Array]:
         """The reachability regions by name, and their hull."""
-        known = self.model.reach, self.on.cross_over
-        regions = reachability.step_regions(*known)
-        return {**regions, _HULL: reachability.total_region(*known)}
+        reach, cross_over = self.model.reach, self.on.cross_over
+        return {
+            **reachability.step_regions(reach, cross_over),
+            _HULL: reachability.total_region(reach, cross_over),
+        }
 
     @cached_property
     def _reach(self) -> list[dict[str, Halfplanes]]:
         """Regions of each step by name, y to the first swing side."""
         if self.on.step:
-            half, hull = polygon.halfspaces, polygon.convex_hull
-            sides = [[1.0, (-1.0) ** k] for k in range(len(self._steps))]
-            regions = self._regions.items()
-            return [{n: half(hull(r * s)) for n, r in regions} for s in sides]
-        schedule = self.state.schedule
-        feet = [schedule.feet[schedule.support_side]]
-        feet += [step.pose for step in self._steps]
+            return [
+                {
+                    name: polygon.halfspaces(
+                        polygon.convex_hull(region * [1.0, (-1.0) ** k])
+                    )
+                    for name, region in self._regions.items()
+                }
+                for k in range(len(self._steps))
+            ]
+        stance = self.state.schedule.feet[self.state.schedule.support_side]
+        feet = [stance, *(step.pose for step in self._steps)]
         holds = [self._local(foot.p_WF[:2]) for foot in feet]
         return [
             dict.fromkeys(self._regions, (_BOX, _BOX @ (after - before)))
@@ -193,8 +240,11 @@ class LipmLimit:
     def _ecmps(self) -> list[Halfplanes]:
         """Half-planes of the eCMP on the present contacts, and on a sole."""
         sole = self.model.cop_area
-        present = self._local(support_polygon(self.state.schedule, sole))
-        hulls = [polygon.convex_hull(corners) for corners in (present, sole)]
+        present = support_polygon(self.state.schedule, sole)
+        hulls = [
+            polygon.convex_hull(self._local(present)),
+            polygon.convex_hull(sole),
+        ]
         if self.kappa:
             square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
             hulls = [polygon.minkowski_sum(hull, square) for hull in hulls]
@@ -203,11 +253,14 @@ class LipmLimit:
     @cached_property
     def _durations(self) -> tuple[list[float], list[float]]:
         """The least durations [s] of the swings, and of the transfers."""
-        on, least, steps = self.on, self.timing, self._steps
-        swing = least.min_swing_duration if on.swing else math.inf
-        transfer = least.min_transfer_duration if on.transfer else math.inf
-        swings = [min(step.swing_duration, swing) for step in steps]
-        return swings, [min(s.transfer_duration, transfer) for s in steps]
+        swing = self.timing.min_swing_duration if self.on.swing else math.inf
+        transfer = (
+            self.timing.min_transfer_duration if self.on.transfer else math.inf
+        )
+        return (
+            [min(step.swing_duration, swing) for step in self._steps],
+            [min(step.transfer_duration, transfer) for step in self._steps],
+        )
 
     @cached_property
     def _rests(self) -> tuple[list[float], list[float]]:
@@ -215,67 +268,82 @@ class LipmLimit:
 
         The first transfer has passed in a swing; standing comes before it.
         """
-        state, (swings, transfers) = self.state, self._durations
         if not self._steps:
             return [], []
-        phase, left = state.schedule.phase, state.remaining_time
-        match phase:
-            case walking.Phase.STANDING:
-                return swings, [left + transfers[0], *transfers[1:]]
-            case walking.Phase.TRANSFER:
-                if self.on.transfer:
-                    least = self.timing.min_transfer_duration - state.elapsed
-                    left = min(max(least, 0.0), left)
-                return swings, [left, *transfers[1:]]
+        swings, transfers = self._durations
+        schedule, left = self.state.schedule, self.state.remaining_time
+        if schedule.phase is Phase.STANDING:
+            return swings, [left + transfers[0], *transfers[1:]]
+        if schedule.phase is Phase.TRANSFER:
+            if self.on.transfer:
+                rest = self.timing.min_transfer_duration - self.state.elapsed
+                left = min(max(rest, 0.0), left)
+            return swings, [left, *transfers[1:]]
         if self.on.swing:
-            now = state.schedule.duration, state.elapsed
-            left = min(self.timing.least_rest_of_swing(*now), left)
+            left = min(
+                self.timing.least_rest_of_swing(
+                    schedule.duration, self.state.elapsed
+                ),
+                left,
+            )
         return [left, *swings[1:]], [0.0, *transfers[1:]]
 
     def _swings(self, n: int) -> Iterator[Swings]:
         """Yields those that are tried of `n` swings, fast ones first."""
-        waits = _WAITS if self.on.swing else [[0.0]] * _MOST_STEPS
-        rests, w = self._rests[0][:n], self.model.omega
-        pairs = zip(rests, waits, strict=False)
-        return itertools.product(*([s + t / w for t in ts] for s, ts in pairs))
+        delays = _DELAYS if self.on.swing else ((0.0,),) * _MAX_STEPS
+        rests = zip(self._rests[0][:n], delays, strict=False)
+        return itertools.product(
+            *(
+                [rest + delay / self.model.omega for delay in options]
+                for rest, options in rests
+            )
+        )
 
     def _behind(self) -> float:
         """Weight [-] of the eCMP of the trailing foot before lift-off."""
         schedule = self.state.schedule
-        if schedule.phase is not walking.Phase.TRANSFER:
+        if schedule.phase is not Phase.TRANSFER:
             return 0.0
         share = self.state.remaining_time / schedule.duration
-        decay = _mean_decay(self.model.omega * self._rests[1][0])
-        return share * (1.0 - decay)
+        return share * (1.0 - _mean_decay(self.model.omega * self._rests[1][0]))
 
     def _solve(
-        self, way: Array, swings: Swings, regions: Sequence[str], most: float
+        self,
+        direction: Array,
+        swings: Swings,
+        regions: Sequence[str],
+        upper_bound: float,
     ) -> float | None:
-        """Returns the largest push along `way` (2,); None if infeasible.
+        """Returns the largest push along `direction` (2,); None if infeasible.
 
-        The variables are delta_v <= `most` [m/s] and the step vectors (n, 2),
-        each from one foot to the other.
+        The variables are delta_v <= `upper_bound` [m/s] and the step vectors
+        (n, 2), each from one foot to the other.  The limits (M, p, (A, b)) are
+        A (M x + p) <= b.
         """
-        n, weights = len(swings), self._weights(swings)
-        w, T, foot = self.model.omega, self.push_duration, self._foot
+        n = len(swings)
+        w, T = self.model.omega, self.push_duration
         per_speed = -math.expm1(-w * T) / (w * w * T)  # ICP shift / delta_v [s]
-        ecmp, room = self._local(self.icp), self._ecmps[min(n, 1)]
+        ecmp = self._local(self.icp)
         if n:
-            ecmp = ecmp - self._behind() * foot
-        of_ecmp = np.column_stack(
-            [per_speed * way, *(-weight * np.eye(2) for weight in weights)]
+            ecmp = ecmp - self._behind() * self._foot
+        to_ecmp = np.column_stack(
+            [
+                per_speed * direction,
+                *(-weight * np.eye(2) for weight in self._weights(swings)),
+            ]
         )
-        of_step = [np.eye(2, 2 * n + 1, 1 + 2 * k) for k in range(n)]
-        limits = [(of_ecmp, ecmp, room)]
-        if math.isfinite(most):
-            push, bound = np.eye(1, 2 * n + 1), (np.eye(1), np.array([most]))
-            limits.append((push, np.zeros(1), bound))
+        to_step = [np.eye(2, 2 * n + 1, 1 + 2 * k) for k in range(n)]
+        limits = [(to_ecmp, ecmp, self._ecmps[min(n, 1)])]
+        if math.isfinite(upper_bound):
+            bound = np.eye(1), np.array([upper_bound])
+            limits.append((np.eye(1, 2 * n + 1), np.zeros(1), bound))
+        speed = self.model.detour.max_speed
         for k, (region, swing) in enumerate(zip(regions, swings, strict=True)):
-            limits.append((of_step[k], _ZERO, self._reach[k][region]))
-            if math.isfinite(speed := self.model.detour.max_speed):
+            limits.append((to_step[k], _ZERO, self._reach[k][region]))
+            if math.isfinite(speed):
                 disc = _DIRECTIONS, np.full(len(_DIRECTIONS), speed * swing)
-                moved = of_step[k] + of_step[k - 1] if k else of_step[0]
-                limits.append((moved, _ZERO if k else -foot, disc))
+                moved = to_step[k] + to_step[k - 1] if k else to_step[0]
+                limits.append((moved, _ZERO if k else -self._foot, disc))
         x = largest_first(
             np.vstack([A @ M for M, _, (A, _) in limits]),
             np.concatenate([b - A @ p for _, p, (A, b) in limits]),
@@ -284,10 +352,11 @@ class LipmLimit:
 
     def _weights(self, swings: Swings) -> Array:
         """The weights (n,) [-] of the step vectors."""
-        n, w, transfers = len(swings), self.model.omega, self._durations[1]
+        n, w = len(swings), self.model.omega
+        _, transfers = self._durations
         landings = np.cumsum(swings) + np.cumsum(self._rests[1][:n])
-        after = [*transfers[1:], *transfers[-1:]][:n]
-        loading = [_mean_decay(w * t) for t in after]
+        next_transfers = [*transfers[1:], *transfers[-1:]][:n]
+        loading = [_mean_decay(w * t) for t in next_transfers]
         gained = self.fall / (2.0 * GRAVITY) * np.arange(1, n + 1)
         return np.asarray(np.exp(-w * (landings - gained)) * loading)
 

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 
 from nadia_balance.core.math.arrays import rectangle
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
-from nadia_balance.core.walking import state as walking
 from nadia_balance.core.walking.mechanisms import MECHANISMS
-from nadia_balance.core.walking.state import Phase
+from nadia_balance.core.walking.state import Footstep, Phase, Side, WalkingState
 from nadia_balance.sweep.lipm_limit import LOST, LipmLimit
 from tests.example_walks import ALL, FEET, MODEL, walk
 
@@ -57,9 +56,9 @@ def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
 
     As the Nadia paper's Fig. 10: swing 0.7 s, transfer 0.3 s.
     """
-    left, right = (FEET[side].p_WF[:2] for side in walking.Side)
-    sides = [walking.Side.RIGHT, walking.Side.LEFT] * 3
-    steps = [walking.Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
+    left, right = (FEET[side].p_WF[:2] for side in Side)
+    sides = [Side.RIGHT, Side.LEFT] * 3
+    steps = [Footstep(side, FEET[side], 0.3, 0.7) for side in sides]
     duration = 0.7 if phase is Phase.SWING else 0.3
     steps = tuple(steps[:num_steps])
     schedule = replace(walk(), phase=phase, duration=duration, footsteps=steps)
@@ -71,9 +70,11 @@ def limit(model, on=ALL, at=0.25, phase=Phase.SWING, num_steps=4, **more):
         now = right + at * (left - right)
         rest = [((1.0 - at) * 0.3, now, left), *cycle[1:]]
     icp = icp_of(model, [*rest, *cycle * 3])
-    state = walking.WalkingState(schedule, at * duration, at * duration)
-    given = {"timing": TIMING, "model": model, "on": on, **more}
-    return LipmLimit(state=state, icp=icp, foot=right, **given)
+    state = WalkingState(schedule, at * duration, at * duration)
+    more.setdefault("timing", TIMING)
+    return LipmLimit(
+        state=state, icp=icp, foot=right, model=model, on=on, **more
+    )
 
 
 @pytest.mark.parametrize("direction", NADIA)
@@ -85,18 +86,19 @@ def test_nadia_s_limits_are_those_of_an_enumeration(direction):
     """
     above = {60: 0.05, 150: 0.09}.get(direction, 0.03)
     for speed, value in zip((2.0, 3.0), NADIA[direction], strict=True):
-        found = limit(robot(speed=speed)).largest_push(direction)
-        assert value - 0.01 <= found <= value + above
+        push = limit(robot(speed=speed)).largest_push(direction)
+        assert value - 0.01 <= push <= value + above
 
 
 @pytest.mark.parametrize("name", OTHER)
 def test_each_set_of_mechanisms_has_its_limit(name):
     """Oracle: lipm_limit.csv, a column for each of them, to 2.5 cm/s."""
-    least = {"min_swing_duration": 0.4, "min_transfer_duration": 0.05}
-    timing = TimingAdapterParams(**least)
-    found = limit(robot(1.0, 0.24), MECHANISMS[name], timing=timing)
+    timing = TimingAdapterParams(
+        min_swing_duration=0.4, min_transfer_duration=0.05
+    )
+    lipm = limit(robot(1.0, 0.24), MECHANISMS[name], timing=timing)
     for direction, value in OTHER[name].items():
-        push = found.largest_push(direction)
+        push = lipm.largest_push(direction)
         assert push == pytest.approx(value, abs=0.025)
 
 
@@ -107,17 +109,19 @@ def test_least_steps_are_the_fewest_whose_largest_push_is_larger(angle):
     That is its shift over the push: the mean over e^-wt, in closed form.
     """
     steps = [limit(robot(), num_steps=n) for n in range(4)]
-    pushes = [found.largest_push(angle) for found in steps]
-    w, way = robot().omega, math.radians(angle)
+    pushes = [lipm.largest_push(angle) for lipm in steps]
+    w, heading = robot().omega, math.radians(angle)
     per_speed = (1.0 - math.exp(-0.1 * w)) / (0.1 * w * w)
-    told = set()
+    counts = set()
     for push in np.linspace(0.05, pushes[-1] + 0.05, 12):
-        shift = per_speed * push * np.array([math.cos(way), math.sin(way)])
-        enough = [n for n, most in enumerate(pushes) if most > push]
-        found = replace(steps[-1], icp=steps[-1].icp + shift).least_steps()
-        assert found == (enough or [LOST])[0]
-        told.add(found)
-    assert {0, 1, LOST} <= told
+        shift = (
+            per_speed * push * np.array([math.cos(heading), math.sin(heading)])
+        )
+        enough = [n for n, largest in enumerate(pushes) if largest > push]
+        count = replace(steps[-1], icp=steps[-1].icp + shift).least_steps()
+        assert count == (enough or [LOST])[0]
+        counts.add(count)
+    assert {0, 1, LOST} <= counts
 
 
 @pytest.mark.parametrize(
@@ -136,17 +140,17 @@ def test_the_farthest_icp_of_a_step(phase, at, rest, swing, load):
     [s] of a transfer, it leaves the trailing foot.
     """
     on = replace(MECHANISMS["step"], transfer=phase is Phase.TRANSFER)
-    found = limit(robot(speed=math.inf), on, at, phase, num_steps=1)
-    w, corner = found.model.omega, np.array([0.125, 0.06])
+    lipm = limit(robot(speed=math.inf), on, at, phase, num_steps=1)
+    w, corner = lipm.model.omega, np.array([0.125, 0.06])
     loading, step = -math.expm1(-load * w) / (load * w), np.array([1.0, -0.25])
     present = math.exp(-(rest + swing) * w) * loading * step + corner
     if rest > 0.0:
         behind = 1.0 + math.expm1(-rest * w) / (rest * w)
         present += (1.0 - at) * behind * np.array([0.0, -0.25])
-    left = FEET[walking.Side.LEFT].p_WF[:2]
+    left = FEET[Side.LEFT].p_WF[:2]
     for beyond, expected in ((-1, -1), 1), ((1, -1), LOST), ((-1, 2), LOST):
         icp = left + present + 1e-3 * np.array(beyond)
-        assert replace(found, icp=icp).least_steps() == expected
+        assert replace(lipm, icp=icp).least_steps() == expected
 
 
 def test_a_fall_at_the_touchdown_is_that_of_a_pendulum():
@@ -181,6 +185,6 @@ def test_without_a_step_there_are_the_soles_on_the_ground():
         (Phase.SWING, 0.07, 0),
         (Phase.SWING, 0.06, LOST),
     ):
-        found = limit(robot(), phase=phase, num_steps=0)
-        found = replace(found, icp=np.array([0.12, y]))
-        assert found.least_steps() == expected
+        lipm = limit(robot(), phase=phase, num_steps=0)
+        lipm = replace(lipm, icp=np.array([0.12, y]))
+        assert lipm.least_steps() == expected

@@ -11,15 +11,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nadia_balance.core.body import reachability
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.body.reachability import in_world
-from nadia_balance.core.math import polygon
+from nadia_balance.core.body.reachability import (
+    in_world,
+    step_regions,
+    total_region,
+)
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import clip_all, convex_hull, minkowski_sum
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.math.polygon import (
+    as_array,
+    clip_all,
+    contains,
+    convex_hull,
+    halfspaces,
+    hull,
+    minkowski_sum,
+)
 from nadia_balance.core.walking.mechanisms import Mechanisms
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    FootPose,
+    Footstep,
+    Immutable,
+)
+from nadia_balance.parameters.bounds import bounded, parameters
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]
@@ -27,63 +42,134 @@ _ORIGIN = np.zeros((1, 2))
 _AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 
-@dataclass(kw_only=True)
+@parameters
 class ReachRulesParams:
     """Preference of the base region, and hysteresis of the choice."""
 
-    # Least ratio of the area that a cross-over region shares with the capture
-    # region to that of the base region.
-    area_margin: float = bounded(5.0, least=1.0)
-    # The previous region is kept until another region shares this many times
-    # its area or, if none shares any, is this much closer.  A foothold stays
-    # on its ground region unless another one is this much closer to nominal.
-    hysteresis: float = bounded(1.3, least=1.0)
-    distance_hysteresis: float = bounded(0.03, least=0.0, unit="m")
+    area_margin: float = bounded(
+        5.0,
+        doc="least ratio of the area that a cross-over region shares with the "
+        "capture region to that of the base region",
+        least=1.0,
+    )
+    hysteresis: float = bounded(
+        1.3, doc="factor on the shared area of the previous region", least=1.0
+    )
+    distance_hysteresis: float = bounded(
+        0.03,
+        doc="the previous region, if none shares any area, and the previous "
+        "ground are kept until another is this much closer",
+        least=0.0,
+        unit="m",
+    )
 
 
-@dataclass(kw_only=True)
+@parameters
 class CaptureRegionStepAdjusterParams:
-    """Parameters of the capture region and of the foothold adjustment."""
+    """Parameters of the capture region and of the foothold adjustment.
 
-    # N of C_N; fewer if fewer steps are queued.
-    num_steps: int = bounded(3, least=1, most=10)
-    # Share of their planned durations that later steps take, if swings adapt,
-    # where the region is chosen by rule 3.  In C_N itself a share below 1 would
-    # leave to each next step what this one can do, without end.
-    later_duration: float = bounded(0.6, above=0.0, most=1.0)
-    rules: ReachRulesParams = bounded(ReachRulesParams)
-    # Margins between the sole's front, back, inner and outer edge and the CoPs
-    # that the capture regions assume.
-    foot_front: float = bounded(0.02, least=0.0, unit="m", of="sole_length")
-    foot_back: float = bounded(0.05, least=0.0, unit="m", of="sole_length")
-    foot_inside: float = bounded(0.02, least=0.0, unit="m", of="sole_width")
-    foot_outside: float = bounded(0.03, least=0.0, unit="m", of="sole_width")
-    # Longest delay of the load on the new foot: the ICP may be short of the
-    # foothold at touchdown and reach it during transfer.
-    waiting_time: float = bounded(0.5, above=0.0, most=5.0, unit="s")
-    # If no foothold captures, reachability regions are compared at the times
-    # when the foot can reach them, or at this one.
-    least_time_to_land: float = bounded(0.08, least=0.0, unit="s")
-    # Foothold changes smaller than this are ignored.
-    dead_band: float = bounded(0.01, least=0.0, unit="m")
-    # Desired distance of the foothold from the edge of the capture region.
-    margin: float = bounded(0.03, least=0.0, unit="m")
-    sole_clearance: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # Times without foothold changes, before touchdown and after lift-off.
-    freeze_time: float = bounded(0.05, least=0.0, unit="s")
-    settling_time: float = bounded(0.01, least=0.0, unit="s")
-    # Time by which a swing may last longer than planned.
-    prolongation: float = bounded(0.3, least=0.0, unit="s")
-    # Time for which the capture region must cover the nominal foothold before
-    # the step returns to it.
-    return_time: float = bounded(0.05, least=0.0, unit="s")
+    The margins to the edges of the sole are those of the CoPs that the capture
+    regions assume.  In C_N itself a `later_duration` below 1 would leave to
+    each next step what this one can do, without end.
+    """
+
+    num_steps: int = bounded(
+        3, doc="N of C_N; fewer if fewer steps are queued", least=1, most=10
+    )
+    later_duration: float = bounded(
+        0.6,
+        doc="share of their planned durations that later steps take, if "
+        "swings adapt, where the region is chosen by rule 3",
+        above=0.0,
+        most=1.0,
+    )
+    rules: ReachRulesParams = bounded(
+        ReachRulesParams, doc="choice of the reachability region"
+    )
+    foot_front: float = bounded(
+        0.02,
+        doc="margin of the CoP to the front edge",
+        least=0.0,
+        unit="m",
+        of="sole_length",
+    )
+    foot_back: float = bounded(
+        0.05,
+        doc="margin of the CoP to the back edge",
+        least=0.0,
+        unit="m",
+        of="sole_length",
+    )
+    foot_inside: float = bounded(
+        0.02,
+        doc="margin of the CoP to the inner edge",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
+    foot_outside: float = bounded(
+        0.03,
+        doc="margin of the CoP to the outer edge",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
+    waiting_time: float = bounded(
+        0.5,
+        doc="longest delay of the load on the new foot: the ICP may be short "
+        "of the foothold at touchdown and reach it during transfer",
+        above=0.0,
+        most=5.0,
+        unit="s",
+    )
+    least_time_to_land: float = bounded(
+        0.08,
+        doc="if no foothold captures, reachability regions are compared at "
+        "the times when the foot can reach them, or at this one",
+        least=0.0,
+        unit="s",
+    )
+    dead_band: float = bounded(
+        0.01, doc="least change of the foothold", least=0.0, unit="m"
+    )
+    margin: float = bounded(
+        0.03, doc="desired depth in the capture region", least=0.0, unit="m"
+    )
+    sole_clearance: float = bounded(
+        0.005,
+        doc="least distance of the soles",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
+    freeze_time: float = bounded(
+        0.05, doc="time before touchdown without changes", least=0.0, unit="s"
+    )
+    settling_time: float = bounded(
+        0.01, doc="time after lift-off without changes", least=0.0, unit="s"
+    )
+    prolongation: float = bounded(
+        0.3, doc="largest prolongation of a swing", least=0.0, unit="s"
+    )
+    return_time: float = bounded(
+        0.05,
+        doc="time for which the capture region must cover the nominal "
+        "foothold before the step returns to it",
+        least=0.0,
+        unit="s",
+    )
 
     def usable_foot(self, sole: Array) -> Array:
-        """Returns the part (n, 2) [m] of the `sole` (k, 2) used for the CoP.
+        """The part of a sole that is used for the CoP.
 
-        Both polygons are in the sole frame with y toward the swing side.
+        Args:
+            sole: polygon (k, 2) in the sole frame, y toward the swing side [m].
 
-        Raises ValueError: the margins leave no area.
+        Returns:
+            The part (n, 2) within the margins, in the same frame [m].
+
+        Raises:
+            ValueError: the margins leave no area.
         """
         upper = sole.max(axis=0) - [self.foot_front, self.foot_inside]
         lower = sole.min(axis=0) + [self.foot_back, self.foot_outside]
@@ -101,62 +187,89 @@ class CaptureRegionStepAdjusterParams:
 def one_step_region(
     icp: Array, foot: Array, omega: float, touchdown: tuple[float, float]
 ) -> Array:
-    """Returns C_1 (n, 2) [m], the one-step capture region.
+    """The one-step capture region C_1 (Nadia paper, Eq. 9).
 
-    C_1 is the hull of icp + l (icp - q) over all vertices q of the stance
-    polygon `foot` (k, 2) [m] and both l = e^wt - 1 at the ends t of the
-    interval `touchdown` [s] from now: the ICPs at touchdown of all CoP
-    trajectories within `foot` (Nadia paper, Eq. 9).
+        C_1 = hull of icp + (e^(omega t) - 1) (icp - q)
+
+    over all vertices q of `foot` and both ends t of `touchdown`: the ICPs at
+    touchdown of all CoP trajectories within `foot`.
     Erratum: the Nadia paper, Fig. 2, lets t go to infinity and cuts with a
     circle, so that the region jumps when the ICP leaves the foot.
 
-    Raises ValueError: NaN or infinity.
+    Args:
+        icp: ICP (2,) [m].
+        foot: polygon (k, 2) of the CoP in the stance foot [m].
+        omega: natural frequency [rad/s].
+        touchdown: earliest and latest touchdown from now [s].
+
+    Returns:
+        The region (n, 2) [m].
+
+    Raises:
+        ValueError: NaN or infinity.
     """
     scales = [math.exp(omega * t) - 1.0 for t in touchdown]
     (x, y), corners = icp.tolist(), foot.tolist()
-    copies = [
+    icps = [
         (x + scale * (x - qx), y + scale * (y - qy))
         for scale in scales
         for qx, qy in corners
     ]
-    return polygon.as_array(polygon.hull(copies))
+    return as_array(hull(icps))
 
 
 def later_steps(
     reaches: Sequence[Array], contractions: Sequence[float]
 ) -> list[Array]:
-    """Returns [D_1, ..., D_N], (n, 2) [m]: ICP offsets captured by later steps.
+    """The ICP offsets that later steps capture.
 
     D_n is the set of offsets of the ICP from the next foothold that n - 1 or
     fewer further steps capture.  The recursion runs from the last step to the
-    first: D = {0} at the last foothold, then D <- conv({0} u E_k (R_k + D)),
-    with Minkowski sums, as the robot may stop after any step, but cannot skip
-    one.  `reaches` are R_2, ..., R_N [m], each about its own stance foot, so on
-    alternating sides; `contractions` are E_k = e^-wT, T between touchdowns.
+    first:
 
+        D = {0} at the last foothold, then D <- conv({0} u E_k (R_k + D)),
+
+    with Minkowski sums, as the robot may stop after any step, but cannot skip
+    one.
     The hull is exact for convex R_k, as a step may last longer than planned:
     it is the union of E (R + D) for 0 <= E <= E_k, and E = 0 means stopping.
     Erratum: the Nadia paper, Eq. 14, adds E^(n-1) R_n to C_n-1.  These regions
     do not nest where a foot cannot be put beneath the hip, and with 0 in each
     R_n, a step of zero length replaces a step of the other foot.
+
+    Args:
+        reaches: R_2, ..., R_N (k, 2), each about its own stance foot, so on
+            alternating sides [m].
+        contractions: E_k = e^(-omega T), T between touchdowns [-].
+
+    Returns:
+        D_1, ..., D_N (n, 2) [m].
     """
     regions = []
     for n in range(len(reaches) + 1):
         offsets = _ORIGIN
         for k in reversed(range(n)):
             offsets = contractions[k] * minkowski_sum(reaches[k], offsets)
-            offsets = polygon.convex_hull(np.concatenate([_ORIGIN, offsets]))
+            offsets = convex_hull(np.concatenate([_ORIGIN, offsets]))
         regions.append(offsets)
     return regions
 
 
 def capture_region(one_step: Array, offsets: Array) -> Array:
-    """Returns C_n = C_1 + (-D_n), (k, 2) [m], for `offsets` = D_n."""
+    """The n-step capture region C_n = C_1 + (-D_n), a Minkowski sum.
+
+    Args:
+        one_step: C_1 (m, 2) [m].
+        offsets: D_n (k, 2) of `later_steps` [m].
+
+    Returns:
+        The region (n, 2) [m].
+    """
     return minkowski_sum(one_step, -offsets)
 
 
 @dataclass(frozen=True, eq=False)
-class Place(walking.Immutable):
+class Place(Immutable):
     """A convex region of footholds: one ground region within one reach."""
 
     reach: str  # name of the reachability region
@@ -164,37 +277,43 @@ class Place(walking.Immutable):
     polygon: Array  # (n, 2) [m] in W
 
 
-class SwingGeometry(walking.Immutable):
+class SwingGeometry(Immutable):
     """All polygons of one swing, (n, 2) [m] in W; constant during the swing.
 
-    It is the swing of `schedule`, or the next one.  `regions` are the
-    reachability regions by name, `places` the ground within them; `foot` is the
-    CoP polygon of the stance foot; `offsets` are D_1, ..., D_N of
-    `later_steps`, with N at most the number of queued steps.
-
+    `regions` are the reachability regions by name, `places` the ground within
+    them; `foot` is the CoP polygon of the stance foot; `offsets` are D_1, ...,
+    D_N of `later_steps`, with N at most the number of queued steps.
     The next foothold is on the ground; later steps are taken as on flat ground.
     With cross-over, these use the hull of base and cross-over regions and
     ignore the stance foot as an obstacle.  This enlarges Nadia's C_3 in
     mid-swing by at most 2.4, 19, 27 mm for steps of 1.0, 0.5, 0.38 s.
+
+    Args:
+        schedule: feet and footsteps; the swing is its present or next one.
+        params: N and the margins of the stance foot.
+        model: sole, reach and ground.
+        on: mechanisms; `swing` and `cross_over` count.
     """
 
     def __init__(
         self,
-        schedule: walking.ContactSchedule,
+        schedule: ContactSchedule,
         params: CaptureRegionStepAdjusterParams,
         model: PointMassModel,
         on: Mechanisms,
     ) -> None:
-        self.key, self.model = geometry_key(schedule, on), model
-        self.stance = stance = schedule.feet[schedule.support_side]
         step = schedule.footsteps[0]
+        stance = schedule.feet[schedule.support_side]
+        self.key = geometry_key(schedule, on)
+        self.model = model
+        self.stance = stance
         self.swing = step.side
-        usable = params.usable_foot(model.cop_area)
-        self.foot = in_world(usable, stance, step.side)
-        regions = reachability.step_regions(model.reach, on.cross_over)
+        self.foot = in_world(
+            params.usable_foot(model.cop_area), stance, step.side
+        )
         self.regions = {
             name: in_world(region, stance, step.side)
-            for name, region in regions.items()
+            for name, region in step_regions(model.reach, on.cross_over).items()
         }
         self.places = tuple(self._places(step.pose.yaw))
         steps = schedule.footsteps[: params.num_steps]
@@ -203,99 +322,145 @@ class SwingGeometry(walking.Immutable):
         self._hurried = _offsets(steps, model, on, share)[-1]
         # A foothold p with A p < b is on, beside or across the stance foot.
         A, b = _stance_foot(stance, step, model.sole)
-        apart = max(params.sole_clearance, model.sole_clearance)
-        self._blocking = A, b + apart
+        self._blocking = A, b + max(params.sole_clearance, model.sole_clearance)
 
     def blocked(self, foothold: Array) -> bool:
-        """True if a foot at `foothold` (2,) [m] would hit the stance foot."""
+        """Whether a foot would hit the stance foot.
+
+        Args:
+            foothold: centre of the sole (2,) in W [m].
+
+        Returns:
+            True if it would.
+        """
         A, b = self._blocking
         return bool((A @ foothold < b).all())
 
     def free_parts(self, region: Array) -> list[Array]:
-        """Returns the parts of `region` (n, 2) [m] that are not `blocked`."""
+        """The parts of a region that are not `blocked`.
+
+        Args:
+            region: polygon (n, 2) in W [m].
+
+        Returns:
+            Polygons (k, 2) in W, which may overlap [m].
+        """
+        A, b = self._blocking
         parts = [
             clip_all(region, -normal[None], -offset[None])
-            for normal, offset in zip(*self._blocking, strict=True)
+            for normal, offset in zip(A, b, strict=True)
         ]
         return [part for part in parts if len(part)]
 
-    def allows(self, foot: walking.FootPose) -> bool:
-        """True if the foot is on the ground, in reach without crossing legs."""
+    def allows(self, foot: FootPose) -> bool:
+        """Whether a foot is on the ground, in reach without crossing legs.
+
+        Args:
+            foot: pose of the swing foot in W.
+
+        Returns:
+            True if it is.
+        """
         x, y = self.stance.to_sole(foot.p_WF[:2]).tolist()
-        ground, reach = self.model.ground, self.model.reach
-        if not reach.in_base_region(x, self.swing.sign * y):
+        if not self.model.reach.in_base_region(x, self.swing.sign * y):
             return False
         rise = abs(foot.p_WF[2] - self.stance.p_WF[2])
-        return ground is None or (
-            rise <= reach.rise_max + ROUNDING and ground.allows(foot)
+        return self.model.ground is None or (
+            rise <= self.model.reach.rise_max + ROUNDING
+            and self.model.ground.allows(foot)
         )
 
-    def foot_at(
-        self, point: Array, nominal: walking.FootPose
-    ) -> walking.FootPose:
-        """Returns the foot at `point` (2,) [m] in W, `nominal` in yaw.
+    def foot_at(self, point: Array, nominal: FootPose) -> FootPose:
+        """The foot that stands on the ground at a point.
 
-        Its height and normal are those of the ground, on flat ground `nominal`.
+        Args:
+            point: centre of the sole (2,) in W [m].
+            nominal: pose whose yaw it has; on flat ground, also whose height.
+
+        Returns:
+            The pose, with the height and the normal of the ground.
         """
         height = float(nominal.p_WF[2])
         if self.model.ground is None:
-            return walking.FootPose(np.append(point, height), nominal.yaw)
+            return FootPose(np.append(point, height), nominal.yaw)
         return self.model.ground.pose(point, nominal.yaw, height)
 
     def place_at(self, foothold: Array, reach: str = "") -> Place | None:
-        """Returns the place of `foothold` (2,) [m], if possible of `reach`.
+        """The place of a foothold.
 
-        None if there is none; a foothold that is `blocked` has no place.
+        Args:
+            foothold: centre of the sole (2,) in W [m].
+            reach: name of the reachability region that is preferred.
+
+        Returns:
+            The place, or None if there is none: so it is if `blocked`.
         """
-        found = (
+        places = (
             place
             for place in sorted(self.places, key=lambda p: p.reach != reach)
-            if polygon.contains(foothold, place.polygon, ROUNDING)
+            if contains(foothold, place.polygon, ROUNDING)
         )
-        return None if self.blocked(foothold) else next(found, None)
+        return None if self.blocked(foothold) else next(places, None)
 
     def one_step_region(
         self, icp: Array, touchdown: tuple[float, float]
     ) -> Array:
-        """Returns C_1 (n, 2) [m]; `icp` (2,) [m], `touchdown` [s] from now."""
+        """The one-step capture region C_1 of this swing.
+
+        Args:
+            icp: ICP (2,) in W [m].
+            touchdown: earliest and latest touchdown from now [s].
+
+        Returns:
+            The region (n, 2) in W [m].
+        """
         return one_step_region(icp, self.foot, self.model.omega, touchdown)
 
     def hurried_region(self, one_step: Array) -> Array:
-        """Returns C_N (k, 2) [m] for `one_step` = C_1, if later steps hurry."""
+        """The N-step capture region C_N, if later steps hurry.
+
+        Args:
+            one_step: C_1 (n, 2) in W [m].
+
+        Returns:
+            The region (k, 2) in W [m].
+        """
         return capture_region(one_step, self._hurried)
 
     def _places(self, yaw: float) -> Iterator[Place]:
-        """Yields the places for a foot of this `yaw` [rad].
-
-        They rise or fall from the stance foot by at most `rise_max`.
-        """
-        ground, rise = self.model.ground, self.model.reach.rise_max + ROUNDING
+        """Yields the places in `rise_max` for a foot of this `yaw` [rad]."""
         z = float(self.stance.p_WF[2])
+        rise = self.model.reach.rise_max + ROUNDING
         for name, region in self.regions.items():
-            if ground is None:
+            if self.model.ground is None:
                 yield Place(name, 0, region)
                 continue
-            parts = ground.footholds_within(region, yaw, z - rise, z + rise)
-            for index, part in parts:
+            for index, part in self.model.ground.footholds_within(
+                region, yaw, z - rise, z + rise
+            ):
                 yield Place(name, index, part)
 
 
 def geometry_key(
-    schedule: walking.ContactSchedule, on: Mechanisms
+    schedule: ContactSchedule, on: Mechanisms
 ) -> tuple[object, ...]:
-    """Returns a key of the SwingGeometry of `schedule` and mechanisms.
+    """A key of the SwingGeometry: equal keys mean equal geometry.
 
-    Equal keys mean equal geometry.  The key does not contain the foothold of
-    the step in the air, which may be adjusted.
+    Args:
+        schedule: feet and footsteps.
+        on: mechanisms.
+
+    Returns:
+        All that it depends on, besides parameters and model.  The foothold of
+        the step in the air is not in it, as it may be adjusted.
     """
     step, *later = schedule.footsteps
     stance = schedule.feet[schedule.support_side]
-    reach = on.cross_over, on.swing
-    return (*reach, stance, step.side, step.pose.yaw, *later)
+    return (on.cross_over, on.swing, stance, step.side, step.pose.yaw, *later)
 
 
 def _offsets(
-    steps: tuple[walking.Footstep, ...],
+    steps: tuple[Footstep, ...],
     model: PointMassModel,
     on: Mechanisms,
     share: float,
@@ -305,9 +470,9 @@ def _offsets(
     Each foothold is the stance foot of the following step, whose reach is about
     it.  Later steps take `share` of their planned durations.
     """
-    total = reachability.total_region(model.reach, on.cross_over)
+    total = total_region(model.reach, on.cross_over)
     reaches = [
-        in_world(total, walking.FootPose(yaw=step.pose.yaw), following.side)
+        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
         for step, following in itertools.pairwise(steps)
     ]
     rate = -share * model.omega
@@ -319,19 +484,17 @@ def _offsets(
 
 
 def _stance_foot(
-    stance: walking.FootPose, step: walking.Footstep, sole: Array
+    stance: FootPose, step: Footstep, sole: Array
 ) -> tuple[Array, Array]:
     """Returns A (k, 2), b (k,): the foothold p is blocked if A p < b.
 
     These are the sides of the Minkowski sum of the stance sole and the
     reflected swing sole, without the outer one: the swing foot cannot reach it.
     """
-    swing = walking.FootPose(yaw=step.pose.yaw)
-    soles = (
-        convex_hull(stance.to_world(sole)),
-        convex_hull(-swing.to_world(sole)),
+    swing = FootPose(yaw=step.pose.yaw)
+    reflected = convex_hull(-swing.to_world(sole))
+    A, b = halfspaces(
+        minkowski_sum(convex_hull(stance.to_world(sole)), reflected)
     )
-    A, b = polygon.halfspaces(minkowski_sum(*soles))
-    y_axis = stance.rotation[:, 1] * step.side.sign
-    inner = A @ y_axis > _INWARD
+    inner = A @ (stance.rotation[:, 1] * step.side.sign) > _INWARD
     return A[inner], b[inner]

@@ -17,7 +17,7 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import PEAK, SwingEdges
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import FootPose, Phase, WalkingState
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
 
@@ -34,28 +34,62 @@ _TO_SPARE = 1.5  # ratio of the times to land and to sink that lifts a foot [-]
 _SOON = 0.02  # via points closer in time than this are dropped [s]
 
 
-@dataclass(kw_only=True)
+@parameters
 class SwingFootParams:
     """Shape of the swing."""
 
-    # Height of the apex above the higher of start and goal.
-    height: float = bounded(0.10, above=0.0, most=0.5, unit="m")
-    # Clearance above edges of uneven ground.
-    clearance: float = bounded(0.03, least=0.0, most=0.2, unit="m")
-    # Apex for uncrossing legs, lower so that the knee clears the other shin.
-    uncrossing_height: float = bounded(0.06, above=0.0, most=0.5, unit="m")
-    # Remaining time below which the apex is lowered.
-    fall_time: float = bounded(0.175, above=0.0, unit="s")
-    # Horizontal distance to the foothold within which the foot may descend.
-    descent_radius: float = bounded(0.01, least=0.0, unit="m")
-    # Downward velocity at the end of the swing and after it.
-    touchdown_velocity: float = bounded(0.20, least=0.0, most=1.0, unit="m/s")
+    height: float = bounded(
+        0.10,
+        doc="height of the apex above the higher of start and goal",
+        above=0.0,
+        most=0.5,
+        unit="m",
+    )
+    clearance: float = bounded(
+        0.03,
+        doc="clearance above edges of uneven ground",
+        least=0.0,
+        most=0.2,
+        unit="m",
+    )
+    uncrossing_height: float = bounded(
+        0.06,
+        doc="apex for uncrossing legs, lower so that the knee clears the "
+        "other shin",
+        above=0.0,
+        most=0.5,
+        unit="m",
+    )
+    fall_time: float = bounded(
+        0.175,
+        doc="remaining time below which the apex is lowered",
+        above=0.0,
+        unit="s",
+    )
+    descent_radius: float = bounded(
+        0.01,
+        doc="horizontal distance to the foothold within which the foot may "
+        "descend",
+        least=0.0,
+        unit="m",
+    )
+    touchdown_velocity: float = bounded(
+        0.20,
+        doc="downward velocity at the end of the swing and after it",
+        least=0.0,
+        most=1.0,
+        unit="m/s",
+    )
 
 
 def at_rest(pose: FootPose) -> Array:
-    """Returns the motion (3, 4) of a foot at rest at `pose`.
+    """The motion of a foot at rest.
 
-    Rows p, v, a of [x, y, z, yaw] of the sole in W.
+    Args:
+        pose: of the sole in W.
+
+    Returns:
+        Rows p, v, a of [x, y, z, yaw] in W (3, 4) [m, rad, s].
     """
     motion = np.zeros((3, 4))
     motion[0] = *pose.p_WF, pose.yaw
@@ -63,10 +97,17 @@ def at_rest(pose: FootPose) -> Array:
 
 
 def as_reference(motion: Array, lead: float) -> Array:
-    """Returns [p(3), v(3), a(3), yaw, yawdot, yawddot] in W, shape (12,).
+    """The reference of the swing foot, as the whole-body QP reads it.
 
-    The `motion` (3, 4) is `lead` [s] ahead; the velocities are the present
-    ones, as of the robot only positions are predicted (see StatePredictor).
+    The velocities are the present ones, as of the robot only positions are
+    predicted (see StatePredictor).
+
+    Args:
+        motion: rows p, v, a of [x, y, z, yaw] in W (3, 4), `lead` ahead.
+        lead: time of the prediction [s].
+
+    Returns:
+        [p(3), v(3), a(3), yaw, yawdot, yawddot] in W (12,) [m, rad, s].
     """
     now = motion.copy()
     now[1] -= lead * motion[2]
@@ -75,7 +116,14 @@ def as_reference(motion: Array, lead: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SwingFoot:
-    """The swing foot, each `period` [s], for drives with a lag `lead` [s]."""
+    """The swing foot, tick by tick.
+
+    Args:
+        params: shape of the swing.
+        model: limits of the foot's motion, and its path past the stance leg.
+        period: of a tick [s].
+        lead: lag of the drives [s].
+    """
 
     params: SwingFootParams
     model: PointMassModel
@@ -88,23 +136,32 @@ class SwingFoot:
         state: WalkingState,
         edges: SwingEdges | None = None,
     ) -> tuple[Array, Array]:
-        """Returns the motion (3, 4) of the swing foot one `period` [s] later.
+        """The motion of the swing foot one `period` later.
 
-        Motions are rows p, v, a of [x, y, z, yaw] in W.  The second result is
-        the motion another `lead` [s] later.  `previous` is the motion of the
-        last tick, `state` the walking state of this one.  Outside of a swing,
-        the next swing foot is at rest.  A foot that cannot reach its foothold
-        in time lands later; after the end of the swing's clock it sinks with
-        the touchdown velocity.  It passes above any `edges` on its path.
+        Outside of a swing, the next swing foot is at rest.  A foot that cannot
+        reach its foothold in time lands later; after the end of the swing's
+        clock it sinks with the touchdown velocity.
+
+        Args:
+            previous: motion of the last tick (3, 4): rows p, v, a of
+                [x, y, z, yaw] in W [m, rad, s].
+            state: walking state of this tick.
+            edges: edges on the path, which the foot passes above.
+
+        Returns:
+            The motion (3, 4), and the motion another `lead` later.
         """
         schedule = state.schedule
-        side = schedule.support_side.other
         if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
-            return (at_rest(schedule.feet[side]),) * 2
+            resting = at_rest(schedule.feet[schedule.support_side.other])
+            return resting, resting
         end, horizon = self._course(previous, state, edges)
-        now, ahead = self.period, self.period + self.lead
-        way = previous, end, horizon
-        return quintic_at(*way, now), quintic_at(*way, ahead)
+        return (
+            quintic_at(previous, end, horizon=horizon, t=self.period),
+            quintic_at(
+                previous, end, horizon=horizon, t=self.period + self.lead
+            ),
+        )
 
     def _course(
         self, start: Array, state: WalkingState, edges: SwingEdges | None
@@ -114,7 +171,7 @@ class SwingFoot:
         The times [s] are those from start to end of x, y, z and yaw.
         """
         schedule, detour = state.schedule, self.model.detour
-        goal, stance = schedule.footsteps[0].pose, schedule.support_side
+        goal = schedule.footsteps[0].pose
         end = np.zeros((3, 4))
         turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
         end[0] = *goal.p_WF, start[0, YAW] + turn
@@ -125,34 +182,48 @@ class SwingFoot:
         drop = edges.drop if edges else 0.0
         settling = max(detour.settling, drop / detour.max_descent)
         over = max(left - settling, min(left, 2.0 * detour.settling))
-        way = detour.way_round(
-            start[0, XY], goal.p_WF[:2], schedule.feet[stance], stance.other
+        path = detour.way_round(
+            start=start[0, XY],
+            goal=goal.p_WF[:2],
+            stance=schedule.feet[schedule.support_side],
+            swing=schedule.support_side.other,
         )
-        end[:, XY], over = self._within_limits(start[:, XY], way, over)
+        end[:, XY], over = self._within_limits(start[:, XY], path, over)
         radius = self.params.descent_radius
         arrived = math.dist(start[0, XY], goal.p_WF[:2]) < radius
-        left = max(left, over if arrived else over + settling)
         descent = -float(start[1, 2])
-        left = max(left, height / detour.max_descent)
-        left = max(left, self._time_to_descend(height, descent))
+        left = max(
+            left,
+            over if arrived else over + settling,
+            height / detour.max_descent,
+            self._time_to_descend(height, descent),
+        )
         braking = self._time_to_brake(height, descent)
         left = braking or left
         # With constant deceleration, but for the tick that lands.
         if braking > self.period + self.lead:
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
-        ground = float(end[0, 2]) if edges is None else edges.top
         landing = end[:, Z].copy()
-        apex = None
         if not self._sinks(height, descent, left):
-            apex = self._apex(float(start[0, 2]), ground, left, state)
-        if apex is not None:
-            vertical = start[:, Z], landing, left, apex
-            if t := _time_past(*vertical):
-                end[:, Z] = end_beyond(*vertical, t)
+            apex = self._apex(
+                z=float(start[0, 2]),
+                ground=float(end[0, 2]) if edges is None else edges.top,
+                left=left,
+                state=state,
+            )
+            if apex is not None:
+                end[:, Z], _ = _past(start[:, Z], landing, left=left, via=apex)
         if edges and edges.are_in_the_way(start[0, :3]):
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
         elif edges:
-            end[:, Z] = _over_edges(start, end, landing, over, left, edges)
+            end[:, Z] = _over_edges(
+                start=start,
+                end=end,
+                landing=landing,
+                over=over,
+                left=left,
+                edges=edges,
+            )
         # The clock may run out before the descent to a foothold down a step.
         low = arrived and (edges is None or height < radius)
         if state.waiting and low and not braking:  # sink until contact
@@ -186,36 +257,37 @@ class SwingFoot:
         slow = self.params.touchdown_velocity
         if height <= 0.0 or descent <= slow:
             return 0.0
-        braking = self.model.detour.max_braking
-        brakes = descent**2 - slow**2 >= 2.0 * braking * height
-        return 2.0 * height / (descent + slow) if brakes else 0.0
+        room = 2.0 * self.model.detour.max_braking * height
+        if descent**2 - slow**2 < room:
+            return 0.0
+        return 2.0 * height / (descent + slow)
 
     def _within_limits(
-        self, start: Array, way: Array, left: float
+        self, start: Array, path: Array, left: float
     ) -> tuple[Array, float]:
         """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
 
-        The quintic follows `way` (n, 2) past its first corner, if possible with
-        at most PEAK times `max_acceleration` on the whole way.
+        The quintic follows `path` (n, 2) past its first corner, if possible
+        with at most PEAK times `max_acceleration` on the whole path.
         """
         end = np.zeros((3, 2))
-        end[0] = way[-1]
+        end[0] = path[-1]
         detour = self.model.detour
-        needed = detour.shortest_time(way, start[1])
+        needed = detour.shortest_time(path, start[1])
         left = max(left, needed)
-        most = PEAK * detour.max_acceleration
         for _ in range(_STRETCHES):
             aim, t = end, 0.0
-            if len(way) > 2 and (t := _time_past(start, end, left, way[1])):
-                aim = end_beyond(start, end, left, way[1], t)
+            if len(path) > 2:
+                aim, t = _past(start, end, left=left, via=path[1])
             if left > _STRETCH**_STRETCHES * needed:
                 break
             times = left * _CHECKED
-            a = quintic(start, aim, np.full(2, left), times)[2]
+            a = quintic(start, aim, horizon=np.full(2, left), t=times)[2]
             # Behind the corner, the fifth derivative is another.
             late = np.maximum(times - t, 0.0)
             a -= 20.0 * (aim[0] - end[0]) * late**3 / (left - t) ** 5
-            if np.max(np.hypot(*a.T)) <= most:
+            largest = np.max(np.hypot(a[:, 0], a[:, 1]))
+            if largest <= PEAK * detour.max_acceleration:
                 break
             left *= _STRETCH
         return aim, left
@@ -232,22 +304,29 @@ class SwingFoot:
         self, z: float, ground: float, left: float, state: WalkingState
     ) -> Array | None:
         """Returns the apex (1,) [m]; None if a foot at `z` [m] is above it."""
-        schedule, params = state.schedule, self.params
+        schedule = state.schedule
         lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
-        height = params.height
+        height = self.params.height
         if schedule.legs_crossed:
-            height = min(height, params.uncrossing_height)
-        height *= min(1.0, (left / params.fall_time) ** 2)
+            height = min(height, self.params.uncrossing_height)
+        height *= min(1.0, (left / self.params.fall_time) ** 2)
         apex = max(lift_off, ground) + height
         return np.array([apex]) if z < apex else None
 
 
-def _time_past(start: Array, end: Array, left: float, via: Array) -> float:
-    """Returns the time [s] to pass `via` (n,); 0 if too soon or too late."""
+def _past(
+    start: Array, end: Array, left: float, via: Array
+) -> tuple[Array, float]:
+    """Returns the end (3, n) of the quintic past `via` (n,), and its time [s].
+
+    It is `end`, and the time is 0, if that would be too soon or too late.
+    """
     if left < 2.0 * _SOON:
-        return 0.0
-    t = time_to_pass(start, end, left, via)
-    return 0.0 if min(t, left - t) < _SOON else t
+        return end, 0.0
+    t = time_to_pass(start, end, horizon=left, via=via)
+    if min(t, left - t) < _SOON:
+        return end, 0.0
+    return end_beyond(start, end, horizon=left, via=via, t=t), t
 
 
 def _over_edges(
@@ -264,34 +343,49 @@ def _over_edges(
     the quintic to `landing` (3, 1) clears the point of deepest penetration.
     """
     times = _CHECKED[:-1] * min(over, left)
-    xy = quintic(start[:, XY], end[:, XY], np.full(2, over), times)[0]
-    z = quintic(start[:, Z], end[:, Z], np.full(1, left), times)[0]
+    xy = quintic(start[:, XY], end[:, XY], horizon=np.full(2, over), t=times)[0]
+    z = quintic(start[:, Z], end[:, Z], horizon=np.full(1, left), t=times)[0]
     short = edges.needed(xy) - z[:, 0]
     worst = int(short.argmax())
     t = float(times[worst, 0])
     if short[worst] <= 0.0 or min(t, left - t) < _SOON:
         return end[:, Z]
-    via = z[worst] + short[worst]
-    return end_beyond(start[:, Z], landing, left, via, t)
+    return end_beyond(
+        start[:, Z], landing, horizon=left, via=z[worst] + short[worst], t=t
+    )
 
 
 def quintic(start: Array, end: Array, horizon: Array, t: Array) -> Array:
-    """Returns the quintic from `start` to `end` at the times `t` [s].
+    """The quintic polynomial between two motions, at times `t`.
 
-    `start`, `end`, result: rows p, v, a, shape (3, n); `horizon` (n,) [s] is
-    the time from start to end of each column, >= t > 0.  The result is
-    (3, k, n) for k times of shape (k, 1).
+    Args:
+        start: rows p, v, a at time 0 (3, n) [m, s].
+        end: rows p, v, a at the `horizon` (3, n) [m, s].
+        horizon: time from start to end of each column (n,) [s].
+        t: times in (0, horizon], one or (k, 1) [s].
+
+    Returns:
+        Rows p, v, a (3, n), or (3, k, n) for k times [m, s].
     """
     return np.array(_follow(start, end, horizon, t))
 
 
 def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
-    """Returns `quintic` at one time, six times as fast for few columns.
+    """The `quintic` at one time, six times as fast for few columns.
 
-    Columns whose horizon is before `t` are at their end.
+    Args:
+        start: rows p, v, a at time 0 (3, n) [m, s].
+        end: rows p, v, a at the `horizon` (3, n) [m, s].
+        horizon: time from start to end of each column (n,) [s].
+        t: time > 0; columns whose horizon is before it are at their end [s].
+
+    Returns:
+        Rows p, v, a (3, n) [m, s].
     """
-    parts = zip(start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True)
-    return np.array([_follow(a, b, h, min(t, h)) for a, b, h in parts]).T
+    columns = zip(
+        start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
+    )
+    return np.array([_follow(a, b, h=h, t=min(t, h)) for a, b, h in columns]).T
 
 
 def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
@@ -315,10 +409,20 @@ def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
 def end_beyond(
     start: Array, end: Array, horizon: float, via: Array, t: float
 ) -> Array:
-    """Returns the end (3, n) of the quintic that passes `via` (n,) at `t`.
+    """The end of the quintic from `start` that passes `via` at time `t`.
 
-    Until `t` in (0, horizon) [s], it is the minimum jerk motion from `start` by
-    via to `end`, both (3, n), whose fifth derivative jumps at `t`.
+    Until `t`, it is the minimum jerk motion from `start` by `via` to `end`,
+    whose fifth derivative jumps at `t`.
+
+    Args:
+        start: rows p, v, a at time 0 (3, n) [m, s].
+        end: rows p, v, a at the `horizon` (3, n) [m, s].
+        horizon: time from start to end [s].
+        via: point to pass (n,) [m].
+        t: time of passing in (0, horizon) [s].
+
+    Returns:
+        Rows p, v, a at the `horizon` (3, n) [m, s].
     """
     h = horizon - t
     kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])
@@ -329,19 +433,28 @@ def end_beyond(
 
 
 def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
-    """Returns the time [s] to pass `via` (n,) with the least jerk.
+    """The time to pass `via` with the least jerk.
 
-    Candidates are multiples of `STEP` before `horizon` [s] > STEP, the same in
-    every tick.  The jerk cost of passing via at t is proportional to the
-    squared distance of the quintic from via, over (t (horizon - t))^5.
+        minimise |via - quintic(t)|^2 / (t (horizon - t))^5 over t,
+
+    to which the jerk cost of passing via at t is proportional.  Candidates are
+    multiples of `STEP` before the horizon, the same in every tick.
+
+    Args:
+        start: rows p, v, a at time 0 (3, n) [m, s].
+        end: rows p, v, a at the `horizon` (3, n) [m, s].
+        horizon: time from start to end > `STEP` [s].
+        via: point to pass (n,) [m].
+
+    Returns:
+        The time [s].
     """
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end
     missed = np.zeros_like(t)
     columns = zip(start.T.tolist(), end.T.tolist(), via.tolist(), strict=True)
     for begin, finish, point in columns:
-        way, _, _ = _follow(begin, finish, horizon, t)
-        missed += (point - way) * (point - way)
+        position, _, _ = _follow(begin, finish, h=horizon, t=t)
+        missed += (point - position) * (point - position)
     flat = t * before_end
-    cost = missed / (flat * flat * flat * flat * flat)
-    return float(t[cost.argmin()])
+    return float(t[(missed / (flat * flat * flat * flat * flat)).argmin()])

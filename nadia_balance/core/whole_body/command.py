@@ -11,8 +11,10 @@ from nadia_balance.core.body.model import JointDriveParams
 from nadia_balance.core.math.arrays import Array, cross
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
-from nadia_balance.core.whole_body.params import CrossingTurnParams
-from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
+from nadia_balance.core.whole_body.params import (
+    CrossingTurnParams,
+    WholeBodyQpParams,
+)
 
 # Rows of WholeBodyTerms; the joints' rows follow BASE.
 SOLES = slice(0, 6), slice(6, 12)  # left, right
@@ -28,11 +30,19 @@ _ROLLING_MARGINS = 2.0
 class WholeBodyModel:
     """Constants of a robot with nj joints, in the plant's order.
 
-    `mass` [kg]; `posture`, `position_lower`, `position_upper` (nj,) [rad];
-    `max_torque` (nj,) [N m]; `max_speed` (nj,) [rad/s]; `is_leg_joint` (nj,);
-    sole size [m].  Without `drives`, torques have no speed or rate limits; a
-    `max_speed` may be infinite.  `ankles` (2, 3) [m]: the last joint of the
-    (left, right) leg, in the frame of the sole.
+    Args:
+        mass: of the robot [kg].
+        sole_length: along the foot [m].
+        sole_width: across it [m].
+        ankles: last joint of the (left, right) leg (2, 3), in the frame of the
+            sole [m].
+        posture: nominal positions (nj,) [rad].
+        position_lower: limits (nj,) [rad].
+        position_upper: limits (nj,) [rad].
+        max_torque: limits (nj,) [N m].
+        max_speed: limits (nj,), which may be infinite [rad/s].
+        is_leg_joint: whether it is one (nj,).
+        drives: without, torques have no speed or rate limits.
     """
 
     mass: float
@@ -56,8 +66,10 @@ class WholeBodyModel:
 class Avoidance(NamedTuple):
     """Rows [A, a] (k, nv + 1) of link pairs, with A vdot + a [m/s^2].
 
-    It is >= 0 for `limits`, as a hard limit, and 0 for `braking`, as a soft
-    task whose rows are scaled by the root of its weight.
+    Args:
+        limits: rows that are >= 0, as a hard limit.
+        braking: rows that are to be 0, as a soft task, scaled by the root of
+            its weight.
     """
 
     limits: Array
@@ -67,19 +79,24 @@ class Avoidance(NamedTuple):
 class WholeBodyTerms(NamedTuple):
     """Kinematics and dynamics; nv = 6 + nj, v = [w_WB, v_WB, joints].
 
-    The floating base B is the pelvis, its velocity expressed in W.
+    The floating base B is the pelvis, its velocity expressed in W.  The rows
+    [A, a] are of the quantities A vdot + a: the accelerations of the left and
+    of the right sole ([w, v] at its centre), the generalised forces on base and
+    joints, and the angular accelerations of torso and pelvis, all in W.  The
+    forces, M vdot + bias with gravity and damping, are per unit of the robot's
+    mass.
 
-    `rows` (24 + nj, nv + 1) are [A, a] of the quantities A vdot + a: the
-    accelerations of the left and of the right sole ([w, v] at its centre), the
-    generalised forces on base and joints, and the angular accelerations of
-    torso and pelvis, all in W.  `velocities` (24 + nj,) are A v, those of
-    soles, torso and momentum at the time of v if q is ahead of it.  The forces,
-    M vdot + bias with gravity and damping, are per unit of the robot's mass.
-
-    `rotations` (4, 3, 3): R_W of left sole, right sole, torso, pelvis.
-    `sole_positions` (2, 3) [m] in W; `q` (7 + nj,), the joints last [rad];
-    `com_state` (6,) = [p_WC, v_WC] [m, m/s] of the centre of mass.  `avoidance`
-    has the rows of near or braking links; None: self-collisions are ignored.
+    Args:
+        rows: [A, a] (24 + nj, nv + 1).
+        velocities: A v (24 + nj,); those of soles, torso and momentum are at
+            the time of v if q is ahead of it.
+        rotations: R_W of left sole, right sole, torso, pelvis (4, 3, 3).
+        sole_positions: centres (2, 3) in W [m].
+        q: positions (7 + nj,), the joints last [rad].
+        v: velocities (nv,) [rad/s, m/s].
+        com_state: [p_WC, v_WC] (6,) of the centre of mass in W [m, m/s].
+        avoidance: rows of near or braking links; None: self-collisions are
+            ignored.
     """
 
     rows: Array
@@ -97,13 +114,19 @@ class WholeBodyTerms(NamedTuple):
         return self.rows[BASE.start : TORSO.start]
 
     def at_point(self, side: int, arm: Array) -> tuple[Array, Array]:
-        """Rows (6, nv + 1) and velocities (6,) of a sole at another point.
+        """The rows of a sole at another point of the foot.
 
-        `arm` (3,) [m] in W is from its centre to the point of the foot.
+        Args:
+            side: index of the sole, 0 left, 1 right.
+            arm: from the centre of the sole to the point (3,) in W [m].
+
+        Returns:
+            [A, a] (6, nv + 1) of its acceleration [w, v], and A v (6,), in W.
         """
-        sole = SOLES[side]
-        rows, velocities = self.rows[sole].copy(), self.velocities[sole].copy()
-        w, (x, y, z) = velocities[:3].copy(), arm.tolist()
+        rows = self.rows[SOLES[side]].copy()
+        velocities = self.velocities[SOLES[side]].copy()
+        w = velocities[:3].copy()
+        x, y, z = arm.tolist()
         across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
         velocities[3:] += across @ w  # w x arm
         rows[3:] += across @ rows[:3]
@@ -120,17 +143,22 @@ class WholeBodyTerms(NamedTuple):
 class WholeBodyCommand(NamedTuple):
     """Desired values of the whole-body QP.
 
-    `momentum_rate` (3,) [N] of the linear momentum in W; `heading` = (yaw,
-    yawdot, yawddot) of the torso, and `turn` that of the pelvis relative to it;
-    `contacts`: True for each (left, right) sole in contact, at least one is;
-    `max_normal_forces` [N] of the soles; `swing` is the reference (12,) [p, v,
-    a, yaw, yawdot, yawddot] of the swing sole.  `normals` (2, 3) in W are the
-    desired normals of the (left, right) sole; `friction` is the coefficient
-    assumed for both.  `edges` [m] are the positions x of the axes about which
-    the (left, right) sole may roll; 0: it stays flat.  `flatness` in (0, 1] is
-    the share of the weight that the swing sole's orientation has by now.
-    `sinking` [m/s] are the velocities at which the (left, right) sole is to
-    meet its ground, against the normal; 0: it stands there.
+    Args:
+        momentum_rate: of the linear momentum (3,) in W [N].
+        heading: yaw, yawdot, yawddot of the torso [rad, s].
+        turn: yaw, yawdot, yawddot of the pelvis relative to it [rad, s].
+        contacts: True for each (left, right) sole in contact, at least one is.
+        max_normal_forces: of the (left, right) sole [N].
+        swing: reference of the swing sole (12,) [p, v, a, yaw, yawdot, yawddot]
+            in W [m, rad, s].
+        normals: desired normals of the (left, right) sole (2, 3) in W.
+        friction: coefficient assumed for both soles [-].
+        edges: positions x of the axes about which the (left, right) sole may
+            roll; 0: it stays flat [m].
+        flatness: share in (0, 1] of the weight that the swing sole's
+            orientation has by now [-].
+        sinking: velocities at which the (left, right) sole is to meet its
+            ground, against the normal; 0: it stands there [m/s].
     """
 
     momentum_rate: Array
@@ -151,35 +179,57 @@ def whole_body_command(
     momentum_rate: Array,
     swing: Array,
     friction: float,
-    params: Params,
+    params: WholeBodyQpParams,
     model: WholeBodyModel,
 ) -> WholeBodyCommand:
-    """Returns contacts, heading and force bounds of a walking state.
+    """The command of a tick: contacts, heading and force bounds of a state.
 
-    `momentum_rate` (3,) [N]; `swing` (12,) reference of the swing sole;
-    `friction` coefficient to assume.
+    Args:
+        state: walking state.
+        momentum_rate: desired rate of the linear momentum (3,) in W [N].
+        swing: reference of the swing sole (12,) in W [m, rad, s].
+        friction: coefficient to assume [-].
+        params: force bounds, and the motions of soles and pelvis.
+        model: mass and sole.
+
+    Returns:
+        The command.
     """
-    of = params, model
     return WholeBodyCommand(
         momentum_rate=momentum_rate,
         heading=heading(state, swing),
         turn=crossing_turn(state, swing, params.crossing_turn),
         contacts=tuple(map(state.schedule.in_contact, Side)),
-        max_normal_forces=tuple(max_normal_force(state, s, *of) for s in Side),
+        max_normal_forces=tuple(
+            max_normal_force(state, side, params=params, model=model)
+            for side in Side
+        ),
         swing=swing,
         normals=sole_normals(state),
         friction=friction,
-        edges=tuple(rolling_edge(state, s, *of) for s in Side),
+        edges=tuple(
+            rolling_edge(state, side, params=params, model=model)
+            for side in Side
+        ),
         flatness=flatness(state, params),
         sinking=sinking(state, params),
     )
 
 
-def sinking(state: WalkingState, params: Params) -> tuple[float, float]:
-    """Returns the velocities [m/s] at which the (left, right) sole sinks.
+def sinking(
+    state: WalkingState, params: WholeBodyQpParams
+) -> tuple[float, float]:
+    """The velocities at which the soles sink.
 
-    That is the one which has landed in this transfer, while it measures no
-    force: it has left the ground again.
+    One sinks which has landed in this transfer, while it measures no force: it
+    has left the ground again.
+
+    Args:
+        state: walking state.
+        params: `sinking_velocity` counts.
+
+    Returns:
+        The velocities of the (left, right) sole [m/s].
     """
     schedule = state.schedule
     if (
@@ -188,17 +238,22 @@ def sinking(state: WalkingState, params: Params) -> tuple[float, float]:
         or state.contact_time > 0.0
     ):
         return 0.0, 0.0
-    speed = params.sinking_velocity
     if schedule.support_side is Side.LEFT:
-        return speed, 0.0
-    return 0.0, speed
+        return params.sinking_velocity, 0.0
+    return 0.0, params.sinking_velocity
 
 
 def sole_normals(state: WalkingState) -> Array:
-    """Returns the desired normals (2, 3) of the (left, right) sole in W.
+    """The desired normals of the soles.
 
     The normal of a swing foot turns from the ground at lift-off to that at the
     foothold, by a cubic in time.
+
+    Args:
+        state: walking state.
+
+    Returns:
+        Those of the (left, right) sole (2, 3) in W.
     """
     schedule = state.schedule
     normals = [schedule.feet[side].normal for side in Side]
@@ -213,26 +268,47 @@ def sole_normals(state: WalkingState) -> Array:
     return np.array(normals)
 
 
-def flatness(state: WalkingState, params: Params) -> float:
-    """Returns the share of its weight that the swing sole's orientation has.
+def flatness(state: WalkingState, params: WholeBodyQpParams) -> float:
+    """The share of its weight that the swing sole's orientation has.
 
-    It rises by a cubic from `swing_early_share` to 1 in the last
-    `swing_flat_time` of the swing: only a landing sole has to be flat.  Before,
-    the ankle of a trailing leg is at its limit, and a flat sole costs momentum.
+        flatness = early + (1 - early) s^2 (3 - 2 s)
+
+    rises from `swing_early_share` to 1 in the last `swing_flat_time` of the
+    swing: only a landing sole has to be flat.  Before, the ankle of a trailing
+    leg is at its limit, and a flat sole costs momentum.
+
+    Args:
+        state: walking state.
+        params: share and time.
+
+    Returns:
+        The share in (0, 1] [-].
     """
-    s = 1.0 - state.remaining_time / params.swing_flat_time
-    s, early = min(max(s, 0.0), 1.0), params.swing_early_share
+    early = params.swing_early_share
+    s = min(max(1.0 - state.remaining_time / params.swing_flat_time, 0.0), 1.0)
     return early + (1.0 - early) * s * s * (3.0 - 2.0 * s)
 
 
 def rolling_edge(
-    state: WalkingState, side: Side, params: Params, model: WholeBodyModel
+    state: WalkingState,
+    side: Side,
+    params: WholeBodyQpParams,
+    model: WholeBodyModel,
 ) -> float:
-    """Returns x [m] of the edge about which the sole may roll; 0 if none.
+    """The edge about which a sole may roll.
 
     The trailing foot rolls in the transfer of a long step, over the toes if the
     step is forward, over the heel if it is backward: its leg reaches its full
     length, and with a flat sole the knee would straighten at once.
+
+    Args:
+        state: walking state.
+        side: of the sole.
+        params: `rolling_step` and `sole_margin`.
+        model: length of the sole.
+
+    Returns:
+        The position x of the edge in the sole frame; 0 if it may not [m].
     """
     schedule = state.schedule
     if (
@@ -242,8 +318,8 @@ def rolling_edge(
         or state.steps_taken == 0
     ):
         return 0.0
-    foot, other = schedule.feet[side], schedule.feet[side.other]
-    ahead = float(foot.to_sole(other.p_WF[None, :2])[0, 0])
+    other = schedule.feet[side.other].p_WF[None, :2]
+    ahead = float(schedule.feet[side].to_sole(other)[0, 0])
     if abs(ahead) <= params.rolling_step:
         return 0.0
     edge = 0.5 * model.sole_length - _ROLLING_MARGINS * params.sole_margin
@@ -253,12 +329,21 @@ def rolling_edge(
 def crossing_turn(
     state: WalkingState, swing: Array, params: CrossingTurnParams
 ) -> tuple[float, float, float]:
-    """Returns the pelvis' yaw, yawdot, yawddot relative to the feet's [rad].
+    """The turn of the pelvis when the feet come close, and cross.
 
-    turn = +-max tanh(gain c^2 x / max), + for the left support foot, where x
-    is the distance of the other sole in front of the support sole, and their
-    lateral distance is c less than `width`.  `swing` (12,) is the reference of
-    the swing sole (see SwingFootPlanner): the turn is as smooth as the swing.
+        turn = +-max_turn tanh(gain c^2 x / max_turn),
+
+    + for the left support foot, where x is the distance of the other sole in
+    front of the support sole, and their lateral distance is c less than
+    `width`.  The turn is as smooth as the swing (see SwingFootPlanner).
+
+    Args:
+        state: walking state.
+        swing: reference of the swing sole (12,) in W [m, rad, s].
+        params: gain, width and largest turn.
+
+    Returns:
+        Yaw, yawdot, yawddot relative to the feet's [rad, s].
     """
     schedule = state.schedule
     side = schedule.support_side
@@ -275,20 +360,28 @@ def crossing_turn(
     c += params.width
     if c <= 0.0:
         return 0.0, 0.0, 0.0
-    most = math.radians(params.max_turn_deg)
-    gain = side.sign * params.gain / most
+    max_turn = math.radians(params.max_turn_deg)
+    gain = side.sign * params.gain / max_turn
     u = gain * c * c * x
     du = gain * c * (2.0 * dc * x + c * dx)
     ddu = gain * (
         2.0 * (dc * dc + c * ddc) * x + 4.0 * c * dc * dx + c * c * ddx
     )
     turn = math.tanh(u)
-    slope = most * (1.0 - turn * turn)
-    return most * turn, slope * du, slope * (ddu - 2.0 * turn * du * du)
+    slope = max_turn * (1.0 - turn * turn)
+    return max_turn * turn, slope * du, slope * (ddu - 2.0 * turn * du * du)
 
 
 def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
-    """Mean yaw, yawdot, yawddot of both feet [rad]; turns during a swing."""
+    """The mean yaw of both feet, which turns during a swing.
+
+    Args:
+        state: walking state.
+        swing: reference of the swing sole (12,) in W [m, rad, s].
+
+    Returns:
+        Yaw, yawdot, yawddot in W [rad, s].
+    """
     schedule = state.schedule
     stance = schedule.feet[schedule.support_side].yaw
     if schedule.phase is Phase.SWING:
@@ -296,18 +389,33 @@ def heading(state: WalkingState, swing: Array) -> tuple[float, float, float]:
     else:
         other = schedule.feet[schedule.support_side.other].yaw
         rate = acceleration = 0.0
-    difference = math.remainder(other - stance, math.tau)
-    return stance + 0.5 * difference, 0.5 * rate, 0.5 * acceleration
+    return (
+        stance + 0.5 * math.remainder(other - stance, math.tau),
+        0.5 * rate,
+        0.5 * acceleration,
+    )
 
 
 def max_normal_force(
-    state: WalkingState, side: Side, params: Params, model: WholeBodyModel
+    state: WalkingState,
+    side: Side,
+    params: WholeBodyQpParams,
+    model: WholeBodyModel,
 ) -> float:
-    """Upper bound [N] of a sole's normal force, linear in time in a transfer.
+    """The upper bound of a sole's normal force, linear in time in a transfer.
 
     That of a landed foot rises to the weight in `loading_time` of contact.
     That of the trailing foot falls from the weight in the last part of a
     transfer before a step, unless the transfer waits for the ICP.
+
+    Args:
+        state: walking state.
+        side: of the sole.
+        params: times, and the unloaded force.
+        model: mass of the robot.
+
+    Returns:
+        The bound; infinity at all other times [N].
     """
     schedule, weight = state.schedule, model.mass * GRAVITY
     if (

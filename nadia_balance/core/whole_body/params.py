@@ -1,38 +1,66 @@
 """The parameters of whole-body control."""
 
-from dataclasses import dataclass, field
-
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 
 
-@dataclass(kw_only=True)
+@parameters
 class CrossingTurnParams:
     """Pelvis yaw when the feet come close, and cross."""
 
-    # Lateral distance of the soles below which the pelvis turns.
-    width: float = bounded(0.25, least=0.0, unit="m")
-    # Turn per squared closeness and step length.
-    gain: float = bounded(20.0, least=0.0, unit="rad/m^3")
-    # Asymptotic bound of the turn.
-    max_turn_deg: float = bounded(30.0, above=0.0, most=60.0, unit="deg")
+    width: float = bounded(
+        0.25,
+        doc="lateral distance of the soles below which the pelvis turns",
+        least=0.0,
+        unit="m",
+    )
+    gain: float = bounded(
+        20.0,
+        doc="turn per squared closeness and step length",
+        least=0.0,
+        unit="rad/m^3",
+    )
+    max_turn_deg: float = bounded(
+        30.0,
+        doc="asymptotic bound of the turn",
+        above=0.0,
+        most=60.0,
+        unit="deg",
+    )
 
 
-@dataclass(kw_only=True)
+@parameters
 class SlipParams:
     """Slip detection and the reaction to it."""
 
-    # Sole speed of a slip, above noise and the motion of a tilting foot.
-    speed: float = bounded(0.2, above=0.0, unit="m/s")
-    # Time after touchdown in which sliding is no slip.
-    settling_time: float = bounded(0.03, least=0.0, unit="s")
-    # Lower bound of the estimate; slips at less friction are ignored.
-    least_friction: float = bounded(0.3, above=0.0)
-    # Rate at which the estimate returns, as the next ground may be better.
-    recovery: float = bounded(0.05, least=0.0, unit="1/s")
+    speed: float = bounded(
+        0.2,
+        doc="sole speed of a slip, above noise and the motion of a tilting "
+        "foot",
+        above=0.0,
+        unit="m/s",
+    )
+    settling_time: float = bounded(
+        0.03,
+        doc="time after touchdown in which sliding is no slip",
+        least=0.0,
+        unit="s",
+    )
+    least_friction: float = bounded(
+        0.3,
+        doc="lower bound of the estimate; slips at less friction are ignored",
+        above=0.0,
+    )
+    recovery: float = bounded(
+        0.05,
+        doc="rate at which the estimate returns, as the next ground may be "
+        "better",
+        least=0.0,
+        unit="1/s",
+    )
 
 
-@dataclass(kw_only=True)
+@parameters
 class CollisionAvoidanceParams:
     """Avoidance of self-collisions.
 
@@ -41,25 +69,46 @@ class CollisionAvoidanceParams:
     (d/dt + rate)^2 (d - clearance) = 0.
     """
 
-    attention: float = bounded(0.08, above=0.0, unit="m")
-    # Upper body links closer than this brake early, by a soft task: late
-    # braking saturates the arm torques and disturbs the legs.
-    arm_attention: float = bounded(0.4, above=0.0, unit="m")
-    arm_weight: float = bounded(3.0, least=0.0)
-    clearance: float = bounded(0.02, least=0.0, unit="m")
-    rate: float = bounded(25.0, above=0.0, unit="1/s")
+    attention: float = bounded(
+        0.08,
+        doc="distance of links below which they are kept apart",
+        above=0.0,
+        unit="m",
+    )
+    arm_attention: float = bounded(
+        0.4,
+        doc="upper body links closer than this brake early, by a soft task: "
+        "late braking saturates the arm torques and disturbs the legs",
+        above=0.0,
+        unit="m",
+    )
+    arm_weight: float = bounded(
+        3.0, doc="weight of the early braking", least=0.0
+    )
+    clearance: float = bounded(
+        0.02, doc="least distance of links", least=0.0, unit="m"
+    )
+    rate: float = bounded(
+        25.0, doc="pole of the distance dynamics", above=0.0, unit="1/s"
+    )
 
     def braking(self, distances: Array, rates: Array) -> Array:
-        """Returns the least accelerations (k,) [m/s^2] of link distances.
+        """The least accelerations of link distances d.
 
-        They solve (d/dt + rate)^2 (d - clearance) = 0 for the `distances` d
-        (k,) [m] of links and their `rates` (k,) [m/s].
+        They solve (d/dt + rate)^2 (d - clearance) = 0.
+
+        Args:
+            distances: d (k,) [m].
+            rates: their time derivatives (k,) [m/s].
+
+        Returns:
+            The accelerations (k,) [m/s^2].
         """
         room = self.rate * (distances - self.clearance)
         return -self.rate * (2.0 * rates + room)
 
 
-@dataclass(kw_only=True)
+@parameters
 class WholeBodyQpParams:
     """Parameters of the whole-body QP.
 
@@ -69,84 +118,232 @@ class WholeBodyQpParams:
     suit robots of any mass.  Gains are kp [1/s^2].
     """
 
-    # Soft tasks: direction of the force, vertical momentum / mass, angular
-    # momentum about the CoM / mass, orientation of pelvis and torso.
-    momentum_weight: float = bounded(1e3, least=0.0)
-    height_weight: float = bounded(600.0, least=0.0)
-    angular_momentum_weight: float = bounded(0.1, least=0.0, unit="1/m^2")
-    angular_momentum_damping: float = bounded(5.0, least=0.0, unit="1/s")
-    pelvis_weight: float = bounded(0.5, least=0.0, unit="m^2")
-    torso_weight: float = bounded(0.5, least=0.0, unit="m^2")
-    orientation_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
-    swing_position_weight: float = bounded(100.0, least=0.0)
-    swing_height_weight: float = bounded(1e3, least=0.0)
-    swing_position_gain: float = bounded(300.0, least=0.0, unit="1/s^2")
-    swing_orientation_weight: float = bounded(10.0, least=0.0, unit="m^2")
-    # Share of that weight until the last part of a swing, and that part.
-    swing_early_share: float = bounded(0.1, above=0.0, most=1.0)
-    swing_flat_time: float = bounded(0.15, above=0.0, unit="s")
-    swing_orientation_gain: float = bounded(200.0, least=0.0, unit="1/s^2")
-    # Posture of arms and spine: low, so that they assist balance, yet return.
-    posture_weight: float = bounded(0.1, above=0.0, unit="m^2")
-    # Posture of the legs, which resolves redundancy only: pelvis and feet
-    # determine the leg joints.
-    leg_posture_weight: float = bounded(1e-4, above=0.0, unit="m^2")
-    posture_gain: float = bounded(80.0, least=0.0, unit="1/s^2")
-    # Damping ratio of the above tasks: kd = 2 ratio sqrt(kp).
-    damping_ratio: float = bounded(1.0, least=0.0)
-    # Largest tilt of torso and pelvis, and the horizon within which they stop
-    # there.  Below it the trunk is free to help: its weight is low.
+    momentum_weight: float = bounded(
+        1e3, doc="weight of the direction of the force", least=0.0
+    )
+    height_weight: float = bounded(
+        600.0, doc="weight of the vertical momentum / mass", least=0.0
+    )
+    angular_momentum_weight: float = bounded(
+        0.1,
+        doc="weight of the angular momentum about the CoM / mass",
+        least=0.0,
+        unit="1/m^2",
+    )
+    angular_momentum_damping: float = bounded(
+        5.0,
+        doc="rate at which the angular momentum decays",
+        least=0.0,
+        unit="1/s",
+    )
+    pelvis_weight: float = bounded(
+        0.5, doc="weight of the pelvis' orientation", least=0.0, unit="m^2"
+    )
+    torso_weight: float = bounded(
+        0.5, doc="weight of the torso's orientation", least=0.0, unit="m^2"
+    )
+    orientation_gain: float = bounded(
+        80.0, doc="kp of pelvis and torso", least=0.0, unit="1/s^2"
+    )
+    swing_position_weight: float = bounded(
+        100.0, doc="weight of the swing ankle's horizontal position", least=0.0
+    )
+    swing_height_weight: float = bounded(
+        1e3, doc="weight of the swing ankle's height", least=0.0
+    )
+    swing_position_gain: float = bounded(
+        300.0, doc="kp of the swing ankle's position", least=0.0, unit="1/s^2"
+    )
+    swing_orientation_weight: float = bounded(
+        10.0,
+        doc="weight of the swing sole's orientation",
+        least=0.0,
+        unit="m^2",
+    )
+    swing_early_share: float = bounded(
+        0.1,
+        doc="share of swing_orientation_weight until the last part of a swing",
+        above=0.0,
+        most=1.0,
+    )
+    swing_flat_time: float = bounded(
+        0.15,
+        doc="last part of a swing, in which the early share rises to 1",
+        above=0.0,
+        unit="s",
+    )
+    swing_orientation_gain: float = bounded(
+        200.0, doc="kp of the swing sole's orientation", least=0.0, unit="1/s^2"
+    )
+    posture_weight: float = bounded(
+        0.1,
+        doc="weight of the posture of arms and spine: low, so that they "
+        "assist balance, yet return",
+        above=0.0,
+        unit="m^2",
+    )
+    leg_posture_weight: float = bounded(
+        1e-4,
+        doc="weight of the posture of the legs, which resolves redundancy "
+        "only: pelvis and feet determine the leg joints",
+        above=0.0,
+        unit="m^2",
+    )
+    posture_gain: float = bounded(
+        80.0, doc="kp of the posture", least=0.0, unit="1/s^2"
+    )
+    damping_ratio: float = bounded(
+        1.0,
+        doc="damping ratio of all PD laws: kd = 2 ratio sqrt(kp)",
+        least=0.0,
+    )
     max_trunk_tilt_deg: float = bounded(
-        29.0, above=0.0, most=180.0, unit="deg", of=""
+        29.0,
+        doc="largest tilt of torso and pelvis; below it the trunk is free to "
+        "help: its weight is low",
+        above=0.0,
+        most=180.0,
+        unit="deg",
+        of="",
     )
-    trunk_tilt_horizon: float = bounded(0.15, above=0.0, unit="s")
-    # Regularisation of sole moments, horizontal and normal forces / mass: the
-    # load is shared with small moments; the normal weight biases the height.
-    moment_weight: float = bounded(1e-2, above=0.0, unit="1/m^2")
-    tangential_weight: float = bounded(1e-3, above=0.0)
-    normal_weight: float = bounded(1e-6, above=0.0)
-    # All generalized accelerations, which makes the QP strictly convex.
-    acceleration_weight: float = bounded(1e-4, above=0.0, unit="m^2")
-    # Soles in contact: damping of the sole's velocity, and gain of its tilt.
-    stance_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    stance_tilt_gain: float = bounded(100.0, least=0.0, unit="1/s^2")
-    # Step length above which the trailing foot may roll over toes or heel.
-    rolling_step: float = bounded(0.6, least=0.0, finite=False, unit="m")
-    friction: float = bounded(0.6, above=0.0)  # of the pyramid, mu
-    slip: SlipParams = bounded(SlipParams)
-    # Margin of the CoP to the sole's edge.
-    sole_margin: float = bounded(0.005, least=0.0, unit="m", of="sole_width")
-    # Lower bound on the normal force of a foot in contact.
-    min_normal_force: float = bounded(2.0, least=0.0, unit="N")
-    # Last share of a transfer in which the trailing foot is unloaded, and the
-    # force bound at its end.
-    unloading_fraction: float = bounded(0.2, least=0.0, most=1.0)
-    unloaded_force: float = bounded(50.0, least=0.0, unit="N")
-    # Velocity at which a landed sole that measures no force sinks.
-    sinking_velocity: float = bounded(0.3, least=0.0, unit="m/s")
-    # Time of contact in which the force bound of a landed foot rises to the
-    # weight: full load while it bounces causes impacts.
-    loading_time: float = bounded(0.01, least=0.0, unit="s")
-    # Joint limits [rad] by name, tighter than those of the URDF.
-    joint_lower_limits: dict[str, float] = field(default_factory=dict)
-    joint_upper_limits: dict[str, float] = field(default_factory=dict)
-    # Horizons of the joint position and speed limits, and the acceleration to
-    # which they are clipped.
-    joint_limit_horizon: float = bounded(0.1, above=0.0, unit="s")
-    speed_limit_horizon: float = bounded(0.02, above=0.0, unit="s")
-    max_joint_acceleration: float = bounded(500.0, above=0.0, unit="rad/s^2")
-    # Avoidance of self-collisions; null: none.
+    trunk_tilt_horizon: float = bounded(
+        0.15,
+        doc="horizon within which the trunk stops at its largest tilt",
+        above=0.0,
+        unit="s",
+    )
+    moment_weight: float = bounded(
+        1e-2,
+        doc="regularisation of sole moments / mass: the load is shared with "
+        "small moments",
+        above=0.0,
+        unit="1/m^2",
+    )
+    tangential_weight: float = bounded(
+        1e-3, doc="regularisation of horizontal forces / mass", above=0.0
+    )
+    normal_weight: float = bounded(
+        1e-6,
+        doc="regularisation of normal forces / mass, which biases the height",
+        above=0.0,
+    )
+    acceleration_weight: float = bounded(
+        1e-4,
+        doc="weight of all generalised accelerations, which makes the QP "
+        "strictly convex",
+        above=0.0,
+        unit="m^2",
+    )
+    stance_damping: float = bounded(
+        30.0,
+        doc="damping of the velocity of soles in contact",
+        least=0.0,
+        unit="1/s",
+    )
+    stance_tilt_gain: float = bounded(
+        100.0,
+        doc="gain of the tilt of soles in contact",
+        least=0.0,
+        unit="1/s^2",
+    )
+    rolling_step: float = bounded(
+        0.6,
+        doc="step length above which the trailing foot may roll over toes or "
+        "heel",
+        least=0.0,
+        finite=False,
+        unit="m",
+    )
+    friction: float = bounded(
+        0.6, doc="mu: coefficient of the friction pyramid", above=0.0
+    )
+    slip: SlipParams = bounded(
+        SlipParams, doc="slip detection and the reaction to it"
+    )
+    sole_margin: float = bounded(
+        0.005,
+        doc="margin of the CoP to the sole's edge",
+        least=0.0,
+        unit="m",
+        of="sole_width",
+    )
+    min_normal_force: float = bounded(
+        2.0,
+        doc="lower bound on the normal force of a foot in contact",
+        least=0.0,
+        unit="N",
+    )
+    unloading_fraction: float = bounded(
+        0.2,
+        doc="last share of a transfer in which the trailing foot is unloaded",
+        least=0.0,
+        most=1.0,
+    )
+    unloaded_force: float = bounded(
+        50.0,
+        doc="force bound of the trailing foot at lift-off",
+        least=0.0,
+        unit="N",
+    )
+    sinking_velocity: float = bounded(
+        0.3,
+        doc="velocity at which a landed sole that measures no force sinks",
+        least=0.0,
+        unit="m/s",
+    )
+    loading_time: float = bounded(
+        0.01,
+        doc="time of contact in which the force bound of a landed foot rises "
+        "to the weight: full load while it bounces causes impacts",
+        least=0.0,
+        unit="s",
+    )
+    joint_lower_limits: dict[str, float] = bounded(
+        dict,
+        doc="lower limits by joint, in radians, tighter than those of the URDF",
+    )
+    joint_upper_limits: dict[str, float] = bounded(
+        dict,
+        doc="upper limits by joint, in radians, tighter than those of the URDF",
+    )
+    joint_limit_horizon: float = bounded(
+        0.1, doc="horizon of the joint position limits", above=0.0, unit="s"
+    )
+    speed_limit_horizon: float = bounded(
+        0.02, doc="horizon of the joint speed limits", above=0.0, unit="s"
+    )
+    max_joint_acceleration: float = bounded(
+        500.0,
+        doc="acceleration to which joint limits are clipped",
+        above=0.0,
+        unit="rad/s^2",
+    )
     avoidance: CollisionAvoidanceParams | None = bounded(
-        CollisionAvoidanceParams
+        CollisionAvoidanceParams, doc="avoidance of self-collisions; null: none"
     )
-    # Damping of the joints while the QP has no solution.
-    failure_damping: float = bounded(30.0, least=0.0, unit="1/s")
-    # Share of the speed limits; the reserve is for what the model misses.
-    max_speed_ratio: float = bounded(0.95, above=0.0, most=1.0)
-    crossing_turn: CrossingTurnParams = bounded(CrossingTurnParams)
+    failure_damping: float = bounded(
+        30.0,
+        doc="damping of the joints while the QP has no solution",
+        least=0.0,
+        unit="1/s",
+    )
+    max_speed_ratio: float = bounded(
+        0.95,
+        doc="share of the speed limits; the reserve is for what the model "
+        "misses",
+        above=0.0,
+        most=1.0,
+    )
+    crossing_turn: CrossingTurnParams = bounded(
+        CrossingTurnParams, doc="pelvis yaw when the feet come close, and cross"
+    )
 
     def validate_more(self) -> None:
-        """Raises ValueError if the unloaded force is below the minimum."""
+        """Checks the unloaded force.
+
+        Raises:
+            ValueError: it is not above the least normal force.
+        """
         if not self.unloaded_force > self.min_normal_force:
             raise ValueError(
                 f"unloaded_force = {self.unloaded_force}: must be > "

@@ -8,12 +8,15 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.core.whole_body.command import BASE, SOLES
-from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
-from nadia_balance.core.whole_body.command import WholeBodyModel as Model
-from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
+from nadia_balance.core.whole_body.command import (
+    BASE,
+    SOLES,
+    WholeBodyCommand,
+    WholeBodyModel,
+    WholeBodyTerms,
+)
 from nadia_balance.core.whole_body.limits import WholeBodyLimits
-from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.tasks import Task, WeightedTasks, usual_tasks
 
 # Rows of J of the soles in contact, by (left, right).
@@ -25,12 +28,19 @@ _CARRYING: dict[tuple[bool, ...], slice] = {
 
 
 class WholeBodySolution(NamedTuple):
-    """Consistent accelerations, wrenches, torques; NaN unless `qp.solved`."""
+    """Consistent accelerations, wrenches, torques; NaN unless `qp.solved`.
 
-    vdot: Array  # (nv,)
-    # (12,): [tau, f] of each sole at its centre in W [N m], [N]; 0 in the air.
+    Args:
+        vdot: accelerations (nv,).
+        wrenches: [tau, f] of each sole at its centre (12,) in W, 0 in the air
+            [N m, N].
+        torques: of the joints (nj,) [N m].
+        qp: result of the QP.
+    """
+
+    vdot: Array
     wrenches: Array
-    torques: Array  # (nj,) [N m]
+    torques: Array
     qp: QpResult
 
 
@@ -51,36 +61,41 @@ class WholeBodyQp:
       tilt become soft, then torque rate limits and link distances are dropped.
 
     Internally, forces, torques and M are per unit of the robot's mass.
+
+    Args:
+        params: weights, gains and limits.
+        model: constants of the robot.
+        period: of a tick [s].
+        tasks: added to those of momentum, trunk and swing foot.
+
+    Raises:
+        ValueError: a task's weight < 0, or a margin that leaves no sole.
     """
 
     def __init__(
         self,
-        params: Params,
-        model: Model,
+        params: WholeBodyQpParams,
+        model: WholeBodyModel,
         period: float,
         tasks: Iterable[Task] = (),
-    ):
-        """Builds the QP for `model`, to be solved every `period` [s].
-
-        `tasks` are added to those of momentum, trunk and swing foot.
-
-        Raises ValueError: a task's weight < 0, or a margin that leaves no sole.
-        """
+    ) -> None:
         self._params, self._model = params, model
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         # By the number of variables, with one or two soles in contact.
-        sizes = [nv + 6 * n for n in (1, 2)]
-        sizes += [size + self._limits.num_soft for size in sizes]
-        self._qps = {size: DenseQp(size) for size in sizes}
+        self._qps = {
+            size: DenseQp(size)
+            for hard in (nv + 6, nv + 12)
+            for size in (hard, hard + self._limits.num_soft)
+        }
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
             model.is_leg_joint, params.leg_posture_weight, params.posture_weight
         )
-        kp = params.posture_gain
-        kd = 2.0 * params.damping_ratio * math.sqrt(kp)
-        self._posture_kp, self._posture_kd = weights * kp, weights * kd
+        kd = 2.0 * params.damping_ratio * math.sqrt(params.posture_gain)
+        self._posture_kp = weights * params.posture_gain
+        self._posture_kd = weights * kd
         vdot = np.concatenate((np.zeros(6), weights))
         vdot += params.acceleration_weight
         wrench = np.full(6, params.moment_weight)  # [tau, f] of a sole
@@ -89,26 +104,35 @@ class WholeBodyQp:
         self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
 
     def solve(
-        self, terms: Terms, command: Command, last_torques: Array | None = None
+        self,
+        terms: WholeBodyTerms,
+        command: WholeBodyCommand,
+        last_torques: Array | None = None,
     ) -> WholeBodySolution:
-        """Returns the solution of the QP, relaxed if it is infeasible.
+        """Solves the QP of a tick, relaxed if it is infeasible.
 
-        `last_torques` (nj,) [N m], if given, are those of the rate limit.
+        Args:
+            terms: kinematics and dynamics.
+            command: desired values.
+            last_torques: torques of the last tick (nj,), if their rate is
+                limited [N m].
 
-        Raises ValueError: NaN or infinity in `terms` or `command`.
+        Returns:
+            The solution.
+
+        Raises:
+            ValueError: NaN or infinity in `terms` or `command`.
         """
-        contacts = command.contacts
         problem = self.problem(terms, command, last_torques)
         num_variables = problem.g.size
         qp = self._qps[num_variables].solve(problem)
         # At the touchdown of a long step, contact, torque and friction limits
         # may make joint braking and torque rate limits infeasible.  These are
         # not physical and may be relaxed.
-        first = 6 * sum(contacts) + 6  # row of the limits
-        torque_rows = problem.A[first:][self._limits.torque_rows]
+        first = 6 * sum(command.contacts) + 6  # row of the limits
         if not qp.solved:
             for weaker in self._limits.relaxed(
-                problem, first, terms, last_torques
+                problem, first, terms=terms, last_torques=last_torques
             ):
                 again = self._qps[weaker.g.size].solve(weaker)
                 qp = again._replace(
@@ -119,35 +143,68 @@ class WholeBodyQp:
                     break
         nv, mass = terms.v.size, self._model.mass
         x = qp.x[:num_variables]
+        torque_rows = problem.A[first:][self._limits.torque_rows]
         torques = torque_rows @ x + terms.forces[6:, -1]
         wrenches = np.zeros(12)
-        wrenches[_CARRYING[contacts]] = mass * x[nv:]
-        return WholeBodySolution(x[:nv], wrenches, mass * torques, qp)
+        wrenches[_CARRYING[command.contacts]] = mass * x[nv:]
+        return WholeBodySolution(
+            vdot=x[:nv], wrenches=wrenches, torques=mass * torques, qp=qp
+        )
 
-    def damping_torques(self, terms: Terms, last: Array | None = None) -> Array:
-        """Returns the damping torques -d M v (nj,) [N m], within limits.
+    def damping_torques(
+        self, terms: WholeBodyTerms, last: Array | None = None
+    ) -> Array:
+        """The damping torques of a tick without a solution.
 
-        M is the joints' block of the mass matrix; d is low enough for drives
-        with a lag.  The torque rate limit starts at the `last` torques, so that
-        a single tick without a solution does not drop the load.
+            torques = -failure_damping M v, within the limits,
+
+        where M is the joints' block of the mass matrix; the damping is low
+        enough for drives with a lag.
+
+        Args:
+            terms: kinematics and dynamics.
+            last: torques of the last tick (nj,), at which the rate limit
+                starts, so that the load is not dropped [N m].
+
+        Returns:
+            The torques (nj,) [N m].
         """
         M, v = terms.forces[6:, 6:-1], terms.v[6:]
         lower, upper = self._limits.torque_bounds(v, last)
-        wanted = -self._params.failure_damping * (M @ v)
-        torques = np.minimum(np.maximum(wanted, lower), upper)
-        return np.asarray(self._model.mass * torques)
+        damping = -self._params.failure_damping * (M @ v)
+        return np.asarray(
+            self._model.mass * np.minimum(np.maximum(damping, lower), upper)
+        )
 
     def problem(
-        self, terms: Terms, command: Command, last_torques: Array | None = None
+        self,
+        terms: WholeBodyTerms,
+        command: WholeBodyCommand,
+        last_torques: Array | None = None,
     ) -> QpProblem:
-        """Returns the matrices and bounds of the QP."""
-        nv, soles = terms.v.size, _CARRYING[command.contacts]
-        J, n = terms.rows[soles, :nv], sum(command.contacts)
-        num_rows = self._limits.num_rows(n, terms)
-        rows = np.zeros((6 * n + 6 + num_rows, nv + 6 * n))
+        """The matrices and bounds of the QP of a tick.
+
+            minimise 1/2 x'Hx + g'x subject to lower <= A x <= upper,
+
+        x = [vdot, wrenches].  Rows: accelerations of the soles in contact (or
+        of their edges), motion of the base, limits.
+
+        Args:
+            terms: kinematics and dynamics.
+            command: desired values.
+            last_torques: torques of the last tick (nj,), if their rate is
+                limited [N m].
+
+        Returns:
+            The problem.
+        """
+        nv, n = terms.v.size, sum(command.contacts)
+        soles = _CARRYING[command.contacts]
+        J = terms.rows[soles, :nv]
+        first = 6 * n + 6  # row of the limits
+        rows = np.zeros((first + self._limits.num_rows(n, terms), nv + 6 * n))
         bounds = np.empty((2, len(rows)))
-        A, C = rows[: 6 * n + 6], rows[6 * n + 6 :]
-        A[: 6 * n, :nv] = J
+        rows[: 6 * n, :nv] = J
         # Equations of motion: rows of the base, followed by the torque rows.
         motion = rows[6 * n : 6 * n + nv]
         motion[:, :nv] = terms.forces[:, :nv]
@@ -155,52 +212,55 @@ class WholeBodyQp:
         b = -terms.rows[: BASE.stop, -1]
         b[:12] += self._rest(terms, command)
         b = np.concatenate((b[soles], b[BASE]))
-        limits = bounds[:, len(A) :]
-        self._limits.fill(C, limits, terms, command, last_torques)
+        self._limits.fill(
+            C=rows[first:],
+            bounds=bounds[:, first:],
+            terms=terms,
+            command=command,
+            last_torques=last_torques,
+        )
         H, g = self._cost(terms, command)
         if all(command.contacts):
             for side, edge in enumerate(command.edges):
                 if edge:
-                    self._let_roll(terms, side, edge, A, b, H, g)
-        bounds[:, : len(A)] = b
-        return QpProblem(H, g, rows, *bounds)
+                    sole = SOLES[side]
+                    rows[sole], b[sole], roll, rest = self._rolling(
+                        terms, side, edge=edge, A=rows[sole], b=b[sole]
+                    )
+                    # To keep the sole flat is a soft task, as in a swing.
+                    weight = self._params.swing_orientation_weight
+                    H[:nv, :nv] += weight * np.outer(roll, roll)
+                    g[:nv] -= weight * rest * roll
+        bounds[:, :first] = b
+        return QpProblem(H, g, rows, lower=bounds[0], upper=bounds[1])
 
-    def _let_roll(
-        self,
-        terms: Terms,
-        side: int,
-        edge: float,
-        A: Array,
-        b: Array,
-        H: Array,
-        g: Array,
-    ) -> None:
-        """Changes the rows of A x = b of a sole to rolling about its edge.
+    def _rolling(
+        self, terms: WholeBodyTerms, side: int, edge: float, A: Array, b: Array
+    ) -> tuple[Array, Array, Array, float]:
+        """Returns the rows of a sole that rolls, in place of A x = b.
 
         The line at x = `edge` [m] in the sole frame is kept at rest, the sole
         does not rotate about its x and z axes, and the moment about the edge
-        is zero.  Keeping the sole flat is a soft task in H and g instead, with
-        the weight of a swing foot.
+        is zero.  The results are the new A (6, nv + 12) and b (6,), the row
+        (nv,) of the angular acceleration about the edge, and its value that
+        keeps the sole flat.
         """
         sole, nv = SOLES[side], terms.v.size
         x, y, z = terms.rotations[side].T
         moved, velocities = terms.at_point(side, edge * x)
-        turn, rest = A[sole, :nv][:3], b[sole][:3].copy()
-        rows, values = np.zeros((6, A.shape[1])), np.zeros(6)
+        turn, rest = A[:3, :nv], b[:3]
+        rows, values = np.zeros(A.shape), np.zeros(6)
         rows[:3, :nv] = moved[3:, :nv]
         values[:3] = -self._params.stance_damping * velocities[3:]
         values[:3] -= moved[3:, -1]
         axes = np.stack((x, z))
         rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest
-        roll, weight = y @ turn, self._params.swing_orientation_weight
-        H[:nv, :nv] += weight * np.outer(roll, roll)
-        g[:nv] -= weight * (y @ rest) * roll
         wrench = rows[5, nv + sole.start : nv + sole.stop]
         # The moment about the axis, y . (tau - p x f).
         wrench[:3], wrench[3:] = y, edge * z
-        A[sole], b[sole] = rows, values
+        return rows, values, y @ turn, y @ rest
 
-    def _rest(self, terms: Terms, command: Command) -> Array:
+    def _rest(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
         """Accelerations (12,) that damp, align and sink the soles."""
         params = self._params
         rest = -params.stance_damping * terms.velocities[:12]
@@ -215,7 +275,9 @@ class WholeBodyQp:
         rest[2::6] += x * ny - y * nx
         return np.asarray(rest)
 
-    def _cost(self, terms: Terms, command: Command) -> tuple[Array, Array]:
+    def _cost(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> tuple[Array, Array]:
         """Returns H and g of the cost of all soft tasks."""
         nv = terms.v.size
         n = nv + 6 * sum(command.contacts)

@@ -9,11 +9,15 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import tilt
-from nadia_balance.core.whole_body.command import BASE, PELVIS, TORSO
-from nadia_balance.core.whole_body.command import WholeBodyCommand as Command
-from nadia_balance.core.whole_body.command import WholeBodyModel as Model
-from nadia_balance.core.whole_body.command import WholeBodyTerms as Terms
-from nadia_balance.core.whole_body.params import WholeBodyQpParams as Params
+from nadia_balance.core.whole_body.command import (
+    BASE,
+    PELVIS,
+    TORSO,
+    WholeBodyCommand,
+    WholeBodyModel,
+    WholeBodyTerms,
+)
+from nadia_balance.core.whole_body.params import WholeBodyQpParams
 
 _FORCE = slice(3, 6)  # columns of the base's rows
 
@@ -21,7 +25,9 @@ _FORCE = slice(3, 6)  # columns of the base's rows
 class Motion(NamedTuple):
     """The task J vdot + b = a, of n rows.
 
-    `rows` are [J, b] (n, nv + 1), as in WholeBodyTerms, `acceleration` a (n,).
+    Args:
+        rows: [J, b] (n, nv + 1), as in WholeBodyTerms.
+        acceleration: a (n,).
     """
 
     rows: Array
@@ -43,8 +49,18 @@ class Task(Protocol):
     def weight(self) -> float | Array:
         """The weight of its squared error."""
 
-    def motion(self, terms: Terms, command: Command) -> Motion | None:
-        """Returns the motion wanted in this tick; None: any."""
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion | None:
+        """The desired motion of this tick.
+
+        Args:
+            terms: kinematics and dynamics.
+            command: desired values.
+
+        Returns:
+            The motion; None: any.
+        """
 
 
 class MomentumTask:
@@ -53,25 +69,46 @@ class MomentumTask:
     The task for the horizontal force is its direction, from the eCMP to the
     CoM, at any magnitude.  With a task for the horizontal force itself, a
     sinking robot would tilt, a braking one jump.  Angular momentum is damped.
+
+    Args:
+        params: weights and damping.
+        model: mass of the robot.
     """
 
     name = "momentum"
 
-    def __init__(self, params: Params, model: Model):
-        force, height = params.momentum_weight, params.height_weight
-        moment = params.angular_momentum_weight
-        self.weight = np.array([force, force, height, *[moment] * 3])
-        self._damping, self._mass = params.angular_momentum_damping, model.mass
+    def __init__(
+        self, params: WholeBodyQpParams, model: WholeBodyModel
+    ) -> None:
+        self.weight = np.repeat(
+            [
+                params.momentum_weight,
+                params.height_weight,
+                params.angular_momentum_weight,
+            ],
+            (2, 1, 3),
+        )
+        self._damping = params.angular_momentum_damping
+        self._mass = model.mass
         self._selection: Array = np.eye(6)[[3, 4, 5, 0, 1, 2]]
 
-    def motion(self, terms: Terms, command: Command) -> Motion:
-        """Returns the rows (6, nv + 1) of force and moment about the CoM."""
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion:
+        """The motion of the linear and the angular momentum.
+
+        Args:
+            terms: kinematics and dynamics.
+            command: desired rate of the momentum.
+
+        Returns:
+            Rows (6, nv + 1) of force and moment about the CoM, per mass.
+        """
         selection, base = self._selection.copy(), terms.rows[BASE]
         # The moment about the CoM: minus the lever arm times the force.  The
         # arm is in M, since the base's velocity is expressed in W.
         selection[3:, _FORCE] = -base[:3, 3:6]
-        share = command.momentum_rate[:2] / (self._mass * GRAVITY)
-        selection[:2, -1] -= share
+        selection[:2, -1] -= command.momentum_rate[:2] / (self._mass * GRAVITY)
         acceleration = np.zeros(6)
         # The force also carries the weight, which is no rate of momentum.
         acceleration[2] = command.momentum_rate[2] / self._mass + GRAVITY
@@ -85,30 +122,48 @@ class TrunkTask:
     """PD law for the orientation of torso or pelvis: upright, by the heading.
 
     The pelvis is turned relative to the heading (see crossing_turn).
+
+    Args:
+        name: "torso" or "pelvis".
+        params: weight, gain and damping ratio.
     """
 
-    def __init__(self, name: str, params: Params):
+    def __init__(self, name: str, params: WholeBodyQpParams) -> None:
         self.name = name
-        self.weight: float = getattr(params, f"{name}_weight")
         self._is_pelvis = name == "pelvis"
-        self._rows: slice = PELVIS if self._is_pelvis else TORSO
+        self.weight = (
+            params.pelvis_weight if self._is_pelvis else params.torso_weight
+        )
+        self._rows = PELVIS if self._is_pelvis else TORSO
         self._body = 3 if self._is_pelvis else 2  # of `rotations`
         self._kp = params.orientation_gain
         self._kd = 2.0 * params.damping_ratio * math.sqrt(self._kp)
 
-    def motion(self, terms: Terms, command: Command) -> Motion:
-        """Returns the rows (3, nv + 1) of the angular acceleration."""
-        yaw, rate, acceleration = command.heading
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion:
+        """The motion of the body's orientation.
+
+            wdot = kp error + kd (w_desired - w) + wdot_desired
+
+        Args:
+            terms: kinematics and dynamics.
+            command: heading, and turn of the pelvis.
+
+        Returns:
+            Rows (3, nv + 1) of the angular acceleration in W.
+        """
+        yaw, yawdot, yawddot = command.heading
         if self._is_pelvis:
-            turn, turn_rate, turn_acceleration = command.turn
-            yaw, rate = yaw + turn, rate + turn_rate
-            acceleration += turn_acceleration
-        error = np.array(rotation_error(yaw, terms.rotations[self._body]))
-        velocity = np.array((0.0, 0.0, rate)) - terms.velocities[self._rows]
-        wanted = self._kp * error
-        wanted[2] += acceleration
-        wanted += self._kd * velocity
-        return Motion(terms.rows[self._rows], wanted)
+            turn, turndot, turnddot = command.turn
+            yaw, yawdot = yaw + turn, yawdot + turndot
+            yawddot += turnddot
+        error = rotation_error(yaw, terms.rotations[self._body])
+        velocity = np.array((0.0, 0.0, yawdot)) - terms.velocities[self._rows]
+        wdot = self._kp * np.array(error)
+        wdot[2] += yawddot
+        wdot += self._kd * velocity
+        return Motion(terms.rows[self._rows], wdot)
 
 
 class SwingFootTask:
@@ -119,41 +174,71 @@ class SwingFootTask:
     until it lands: it is times the command's `flatness`.  The height has a
     weight of its own: at the end of a long step the torques do not suffice for
     all, and a foot that is too low lands while it is fast.
+
+    Args:
+        params: weights, gains and damping ratio.
+        model: ankles.
     """
 
     name = "swing_foot"
 
-    def __init__(self, params: Params, model: Model):
-        over, height = params.swing_position_weight, params.swing_height_weight
-        turn = [params.swing_orientation_weight] * 3
-        self.weight = np.array([*turn, over, over, height])
+    def __init__(
+        self, params: WholeBodyQpParams, model: WholeBodyModel
+    ) -> None:
+        self.weight = np.repeat(
+            [
+                params.swing_orientation_weight,
+                params.swing_position_weight,
+                params.swing_height_weight,
+            ],
+            (3, 2, 1),
+        )
         self._ankles = model.ankles
         self._kp = np.repeat(
             [params.swing_orientation_gain, params.swing_position_gain], 3
         )
         self._kd = 2.0 * params.damping_ratio * np.sqrt(self._kp)
 
-    def motion(self, terms: Terms, command: Command) -> Motion | None:
-        """Returns the rows (6, nv + 1) of the foot; None if both carry."""
+    def motion(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Motion | None:
+        """The motion of the foot in the air.
+
+            [wdot, vdot] = [kp, kp_position] error + kd rate error + desired
+
+        Args:
+            terms: kinematics and dynamics.
+            command: reference and normal of the swing sole.
+
+        Returns:
+            Rows (6, nv + 1) of the sole's orientation and the ankle's position
+            in W; None if both feet carry.
+        """
         if all(command.contacts):
             return None
         side = command.contacts.index(False)
-        yaw, rate, acceleration = command.swing[9:].tolist()
+        yaw, yawdot, yawddot = command.swing[9:].tolist()
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
         turn = R_WT @ rotation_error(yaw, R_WT.T @ R_WF)
         # The reference of the ankle, and the arm to it from the sole's centre.
-        aim = command.swing[:9].reshape(3, 3)
-        aim = aim + self._turned(side, yaw, rate, acceleration) @ R_WT.T
+        ankle = command.swing[:9].reshape(3, 3)
+        ankle = (
+            ankle
+            + self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot)
+            @ R_WT.T
+        )
         arm = R_WF @ self._ankles[side]
-        error = aim[0] - terms.sole_positions[side] - arm
-        rows, now = terms.at_point(side, arm)
+        error = ankle[0] - terms.sole_positions[side] - arm
+        rows, velocity = terms.at_point(side, arm)
+        acceleration = np.array((0.0, 0.0, yawddot, *ankle[2].tolist()))
+        acceleration += self._kp * np.concatenate((turn, error))
+        acceleration += self._kd * (
+            (0.0, 0.0, yawdot, *ankle[1].tolist()) - velocity
+        )
         root = math.sqrt(command.flatness)
-        wanted = np.array((0.0, 0.0, acceleration, *aim[2].tolist()))
-        wanted += self._kp * np.concatenate((turn, error))
-        wanted += self._kd * ((0.0, 0.0, rate, *aim[1].tolist()) - now)
         rows[:3] *= root
-        wanted[:3] *= root
-        return Motion(rows, wanted)
+        acceleration[:3] *= root
+        return Motion(rows, acceleration)
 
     def _turned(
         self, side: int, yaw: float, rate: float, acceleration: float
@@ -176,8 +261,16 @@ class SwingFootTask:
         )
 
 
-def usual_tasks(params: Params, model: Model) -> list[Task]:
-    """Returns the tasks of the momentum, the trunk and the swing foot."""
+def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
+    """The tasks of the momentum, the trunk and the swing foot.
+
+    Args:
+        params: weights and gains.
+        model: mass and ankles.
+
+    Returns:
+        The tasks.
+    """
     return [
         MomentumTask(params, model),
         TrunkTask("torso", params),
@@ -190,10 +283,15 @@ class WeightedTasks:
     """Tasks as rows [S, r], scaled by the roots of their weights.
 
     The cost of S vdot + r is the sum of its squares.
+
+    Args:
+        tasks: in the order of their rows.
+
+    Raises:
+        ValueError: a weight is negative.
     """
 
-    def __init__(self, tasks: Iterable[Task]):
-        """Raises ValueError if a weight is negative."""
+    def __init__(self, tasks: Iterable[Task]) -> None:
         self._tasks = []
         for task in tasks:
             weight = np.atleast_1d(np.asarray(task.weight, dtype=float))
@@ -203,8 +301,16 @@ class WeightedTasks:
                 )
             self._tasks.append((task, np.sqrt(weight)[:, None]))
 
-    def rows(self, terms: Terms, command: Command) -> Array:
-        """Returns [S, r] (n, nv + 1) of this tick, braking links last."""
+    def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
+        """The rows of this tick, braking links last.
+
+        Args:
+            terms: kinematics and dynamics.
+            command: desired values.
+
+        Returns:
+            [S, r] (n, nv + 1).
+        """
         parts = []
         for task, root in self._tasks:
             motion = task.motion(terms, command)
@@ -219,10 +325,17 @@ class WeightedTasks:
 
 
 def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:
-    """Rotation vector in W from R (3, 3) to upright at `yaw` [rad].
+    """The rotation from R to upright at `yaw`.
 
     It is the antisymmetric part of R_upright R' as a vector, with the sine of
     the angle as its length: accurate to third order.
+
+    Args:
+        yaw: desired yaw in W [rad].
+        R: rotation matrix of the body in W (3, 3).
+
+    Returns:
+        The rotation vector (3,) in W [rad].
     """
     c, s = math.cos(yaw), math.sin(yaw)
     (xx, xy, xz), (yx, yy, yz), (zx, zy, _) = R.tolist()

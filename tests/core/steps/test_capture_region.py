@@ -58,10 +58,10 @@ def test_whatever_the_cop_does_the_foot_lands_in_the_one_step_region(
     for _ in range(300):
         landing = rng.uniform(earliest, latest)
         times = np.diff([0.0, *np.sort(rng.uniform(0, landing, 4)), landing])
-        found = np.array(icp)
+        end = np.array(icp)
         for cop, t in zip(random_points(rng, FOOT, 5), times, strict=True):
-            found = icp_after(found, cop, OMEGA, t)
-        assert contains(found, region, 1e-12)
+            end = icp_after(end, cop, OMEGA, t)
+        assert contains(end, region, 1e-12)
 
 
 @pytest.mark.parametrize("icp", ICPS)
@@ -102,7 +102,7 @@ def can_recover(foothold, one_step, reaches, contractions):
     for k in range(len(polygons)):
         sums[k, first[k] : first[k + 1]] = 1.0
     E = np.array(contractions)[:, None]
-    found = linprog(
+    program = linprog(
         np.zeros(len(columns)),
         A_eq=np.vstack([columns.T, sums[0]]),
         b_eq=np.append(foothold, 1.0),
@@ -111,8 +111,8 @@ def can_recover(foothold, one_step, reaches, contractions):
         method="highs",
         options={"primal_feasibility_tolerance": 1e-10},
     )
-    assert found.status in (0, 2)  # solved, or infeasible
-    return found.status == 0
+    assert program.status in (0, 2)  # solved, or infeasible
+    return program.status == 0
 
 
 @pytest.mark.parametrize("num_steps", [1, 2, 3, 4])
@@ -128,15 +128,15 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps):
     for k, T in enumerate((0.7, 0.6, 0.2, 0.15)[:num_steps]):
         steps[k] = replace(steps[k], swing_duration=T)
     schedule = replace(swing(), footsteps=tuple(steps))
-    found = geometry(schedule, replace(PARAMS, num_steps=num_steps))
+    polygons = geometry(schedule, replace(PARAMS, num_steps=num_steps))
     reach, reaches = reachability.total_region(MODEL.reach, True), []
     for step in steps[:-1]:
         stance = FootPose(yaw=step.pose.yaw)
         reaches.append(reachability.in_world(reach, stance, step.side.other))
     periods = [step.transfer_duration + step.swing_duration for step in steps]
     contractions = [math.exp(-OMEGA * T) for T in periods[1:]]
-    one_step = found.one_step_region(np.array([0.1, 0.06]), (0.3, 0.32))
-    region = capture_region(one_step, found.offsets[-1])
+    one_step = polygons.one_step_region(np.array([0.1, 0.06]), (0.3, 0.32))
+    region = capture_region(one_step, polygons.offsets[-1])
     middle = centroid(region)
     far = 10.0 * np.array([[math.cos(a), math.sin(a)] for a in range(25)])
     edge = np.vstack([[project(p, region) for p in middle + far], region])
@@ -171,11 +171,11 @@ def test_later_steps_hurry_only_if_swings_adapt():
         swing(transfer=part * 0.2, swing=part * 0.5) for part in (1.0, 0.6)
     )
     one_step, slow = rectangle(0.2, 0.1), replace(ALL, swing=False)
-    for found, expected in (
+    for polygons, expected in (
         (geometry(planned), geometry(quick, on=slow)),
         (geometry(planned, on=slow), geometry(planned)),
     ):
-        hurried = found.hurried_region(one_step)
+        hurried = polygons.hurried_region(one_step)
         expected = capture_region(one_step, expected.offsets[-1])
         np.testing.assert_allclose(hurried, expected, rtol=0, atol=1e-12)
 
@@ -189,7 +189,7 @@ def test_a_foothold_is_blocked_where_the_soles_would_meet(yaw):
     step = replace(step, pose=FootPose(step.pose.p_WF, 0.3 + yaw))
     schedule = replace(schedule, footsteps=(step,))
     clearance = 0.01
-    found = geometry(schedule, replace(PARAMS, sole_clearance=clearance))
+    polygons = geometry(schedule, replace(PARAMS, sole_clearance=clearance))
     stance = schedule.feet.left
     sole = shapely.Polygon(stance.to_world(SOLE))
     blocked = 0
@@ -198,11 +198,11 @@ def test_a_foothold_is_blocked_where_the_soles_would_meet(yaw):
         foot = FootPose([*p, 0.0], 0.3 + yaw)
         gap = shapely.Polygon(foot.to_world(SOLE)).distance(sole)
         if gap < clearance * (1.0 - 1e-9):
-            assert found.blocked(p)
-        elif found.blocked(p):  # near a corner, or to the outer side
+            assert polygons.blocked(p)
+        elif polygons.blocked(p):  # near a corner, or to the outer side
             outside = stance.to_sole(p)[1] > 0.0
             assert outside or gap < clearance * math.sqrt(2.0) * 1.01
-        blocked += found.blocked(p)
+        blocked += polygons.blocked(p)
     assert 50 < blocked < 300
 
 
@@ -268,8 +268,8 @@ def test_a_place_is_where_the_sole_is_on_the_region_and_in_reach():
     )
     schedule = raised(swing(length=0.1, turn=yaw), 0.3)
     model = replace(MODEL, reach=replace(MODEL.reach, rise_max=0.05))
-    found = on_ground(regions, schedule, UNCROSSED, model)
-    (reach,) = found.regions.values()
+    polygons = on_ground(regions, schedule, UNCROSSED, model)
+    (reach,) = polygons.regions.values()
     stones = [
         shapely.Polygon(r.polygon).buffer(-0.02, join_style="mitre")
         for r in regions
@@ -284,7 +284,7 @@ def test_a_place_is_where_the_sole_is_on_the_region_and_in_reach():
             good = stone.covers(sole) and abs(rise) <= 0.05
             ours = [
                 contains(p, place.polygon)
-                for place in found.places
+                for place in polygons.places
                 if place.ground == k
             ]
             assert any(ours) == (good and contains(p, reach))
@@ -294,10 +294,14 @@ def test_a_place_is_where_the_sole_is_on_the_region_and_in_reach():
 
 def test_allows_feet_on_the_ground_side_by_side():
     """Oracle: by hand: on a stone, across its edge, on the stance foot."""
-    found = on_ground((square("stone", 0.0, -0.1),), swing(length=0.0))
+    polygons = on_ground((square("stone", 0.0, -0.1),), swing(length=0.0))
     for x, y, good in (0.0, -0.125, 1), (0.2, -0.125, 0), (0.0, 0.05, 0):
-        assert found.allows(FootPose([x, y, 0.0])) == good
-    assert found.place_at(np.array([0.0, -0.125])) == found.places[0]
-    assert found.place_at(np.array([0.0, 0.05])) is None  # on the stance foot
-    assert found.place_at(np.array([0.3, -0.125])) is None  # beside the stone
-    assert found.places[0].reach == reachability.BASE
+        assert polygons.allows(FootPose([x, y, 0.0])) == good
+    assert polygons.place_at(np.array([0.0, -0.125])) == polygons.places[0]
+    assert (
+        polygons.place_at(np.array([0.0, 0.05])) is None
+    )  # on the stance foot
+    assert (
+        polygons.place_at(np.array([0.3, -0.125])) is None
+    )  # beside the stone
+    assert polygons.places[0].reach == reachability.BASE

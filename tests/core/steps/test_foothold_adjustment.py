@@ -29,7 +29,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import Adjustment, FootPose, WalkingState
 from tests.core.body.test_ground import square
 from tests.core.steps.test_capture_region import PARAMS, geometry, on_ground
 from tests.example_walks import ALL, UNCROSSED, mirrored, moved, swing
@@ -42,9 +42,9 @@ GEOMETRY = geometry(IN_PLACE)
 
 def geometry_with(**parts):
     """GEOMETRY, but for these parts."""
-    found = copy.copy(GEOMETRY)
-    vars(found).update(parts)
-    return found
+    changed = copy.copy(GEOMETRY)
+    vars(changed).update(parts)
+    return changed
 
 
 PUSHES = [[0.0, 0.0], [0.2, 0.0], [-0.25, 0.1], [0.0, -0.2], [0.2, -0.2]]
@@ -52,31 +52,34 @@ PUSHES += [[0.1, 0.1], [0.0, 0.1], [0.0, 0.3], [0.15, 0.2]]
 
 
 def state_at(t, schedule=IN_PLACE, adjustment=None):
-    return walking.WalkingState(
+    return WalkingState(
         schedule, time_in_phase=t, elapsed=t, adjustment=adjustment
     )
 
 
-def landing(state, icp, found=GEOMETRY, params=PARAMS, time_adjustment=0.0):
+def landing(state, icp, polygons=GEOMETRY, params=PARAMS, time_adjustment=0.0):
     times = touchdown_interval(state, time_adjustment, params)
-    return Landing(found, np.array(icp), times)
+    return Landing(polygons, np.array(icp), times)
 
 
 def propose(state, icp, params=PARAMS, time_adjustment=0.0, on=ALL):
-    found = geometry(state.schedule, params, on)
+    polygons = geometry(state.schedule, params, on)
     return propose_adjustment(
-        state, landing(state, icp, found, params, time_adjustment), params, TICK
+        state,
+        landing(state, icp, polygons, params, time_adjustment),
+        params,
+        TICK,
     )
 
 
 def region_at(t, icp, params=PARAMS, on=ALL):
     """C_N of IN_PLACE at the time `t` of its swing."""
     times = IN_PLACE.duration - t
-    found = geometry(IN_PLACE, params, on)
-    one_step = found.one_step_region(
+    polygons = geometry(IN_PLACE, params, on)
+    one_step = polygons.one_step_region(
         np.array(icp), (times, times + params.waiting_time)
     )
-    return capture_region(one_step, found.offsets[-1])
+    return capture_region(one_step, polygons.offsets[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +91,8 @@ class Given(Landing):
 
 def given(region, kind=Given, **parts):
     """GEOMETRY, but for these parts, and a capture region (n, 2)."""
-    found = geometry_with(**parts)
-    return kind(found, np.zeros(2), (0.3, 0.8), capture_region=region)
+    polygons = geometry_with(**parts)
+    return kind(polygons, np.zeros(2), (0.3, 0.8), capture_region=region)
 
 
 def adjust(current, region, period=TICK, **parts):
@@ -102,8 +105,8 @@ STEP = IN_PLACE.footsteps[0]
 
 def at(x, y, region=BASE, **more):
     """An adjustment of IN_PLACE's step."""
-    pose = walking.FootPose([x, y, 0.0])
-    return walking.Adjustment(STEP, pose, region, **more)
+    pose = FootPose([x, y, 0.0])
+    return Adjustment(STEP, pose, region, **more)
 
 
 # Which region: the rules.
@@ -250,10 +253,10 @@ def test_the_goal_is_as_deep_inside_as_asked_or_nearly_the_deepest():
 def test_all_ground_of_a_reach_counts_and_is_left_to_choose_from():
     """Oracle: by hand: base has two parts of 0.4, and forward 1.5 (x 2)."""
     stones = [(BASE, k, tower(2.0 * k, 0.4)) for k in range(2)]
-    found = chosen([*stones, (FORWARD, 2, tower(9.0, 1.5))])
-    assert [goal.place.ground for goal in found] == [0, 1]
-    found = chosen([*stones, (FORWARD, 2, tower(9.0, 1.7))])
-    assert [goal.place.ground for goal in found] == [2]
+    options = chosen([*stones, (FORWARD, 2, tower(9.0, 1.5))])
+    assert [goal.place.ground for goal in options] == [0, 1]
+    options = chosen([*stones, (FORWARD, 2, tower(9.0, 1.7))])
+    assert [goal.place.ground for goal in options] == [2]
     assert chosen([]) == []
 
 
@@ -261,10 +264,10 @@ def test_half_the_margin_suffices_on_the_ground_of_before():
     """Oracle: by hand: 0.16 m and 0.14 m of 0.3 m, on stones 0 and 1."""
     for depth, kept in (0.16, [1, 0]), (0.14, [1]):
         stones = [(BASE, 0, tower(0.0, depth)), (BASE, 1, tower(2.0, 0.4))]
-        found = chosen(stones, margin=0.3)
-        assert [goal.place.ground for goal in found] == [1]
-        found = chosen(stones, BASE, margin=0.3)
-        assert [goal.place.ground for goal in found] == kept
+        options = chosen(stones, margin=0.3)
+        assert [goal.place.ground for goal in options] == [1]
+        options = chosen(stones, BASE, margin=0.3)
+        assert [goal.place.ground for goal in options] == kept
 
 
 # Where to.
@@ -276,19 +279,19 @@ def test_the_foot_goes_to_the_closest_good_foothold(push):
     params = replace(PARAMS, margin=0.0, dead_band=0.0)
     icp = np.array([0.0, 0.07]) + push
     proposal = propose(state_at(0.35), icp, params, on=UNCROSSED)
-    found = shapely.Point(proposal.pose.p_WF[:2])
+    foothold = shapely.Point(proposal.pose.p_WF[:2])
     region = shapely.Polygon(region_at(0.35, icp, params, UNCROSSED))
     reach = shapely.Polygon(GEOMETRY.regions[BASE])
-    assert reach.distance(found) < 1e-9
+    assert reach.distance(foothold) < 1e-9
     goal = region.intersection(reach)
     if goal.is_empty:
         expected = region.distance(reach)
-        assert region.distance(found) == pytest.approx(expected, abs=1e-9)
+        assert region.distance(foothold) == pytest.approx(expected, abs=1e-9)
         return
-    assert goal.distance(found) < 1e-7
+    assert goal.distance(foothold) < 1e-7
     nominal = shapely.Point(NOMINAL.p_WF[:2])
     expected = goal.distance(nominal)
-    assert found.distance(nominal) == pytest.approx(expected, abs=1e-7)
+    assert foothold.distance(nominal) == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.parametrize("captured", ["everything", "a spot out of reach"])
@@ -299,16 +302,16 @@ def test_a_goal_on_the_stance_foot_gives_way_to_the_nearest_beside_it(captured):
     """
     reach = GEOMETRY.regions[FORWARD]
     free = shapely.Polygon(reach) - shapely.box(-0.255, 0.0, 0.255, 9.0)
-    pose = walking.FootPose([0.15, 0.02, 0.0])
-    current = walking.Adjustment(replace(STEP, pose=pose), pose, FORWARD)
-    region, wanted = rectangle(4.0, 4.0), shapely.Point(0.15, 0.02)
+    pose = FootPose([0.15, 0.02, 0.0])
+    current = Adjustment(replace(STEP, pose=pose), pose, FORWARD)
+    region, nearest = rectangle(4.0, 4.0), shapely.Point(0.15, 0.02)
     if captured != "everything":
         region = rectangle(0.02, 0.02) + [0.12, 0.12]
-        wanted, _ = nearest_points(*map(shapely.Polygon, (reach, region)))
-    found = adjust(current, region, places=(Place(FORWARD, 0, reach),))
-    p = shapely.Point(found.pose.p_WF[:2])
+        nearest, _ = nearest_points(*map(shapely.Polygon, (reach, region)))
+    adjusted = adjust(current, region, places=(Place(FORWARD, 0, reach),))
+    p = shapely.Point(adjusted.pose.p_WF[:2])
     assert free.distance(p) < 1e-9
-    assert p.distance(wanted) == pytest.approx(free.distance(wanted))
+    assert p.distance(nearest) == pytest.approx(free.distance(nearest))
 
 
 def test_the_mirror_and_a_turned_world_change_nothing():
@@ -318,7 +321,7 @@ def test_the_mirror_and_a_turned_world_change_nothing():
     E^2, may be parallel to the reach: then the point is open by their length.
     """
     angle, shift = 2.5, np.array([10.0, -20.0])
-    R, flip = walking.FootPose(yaw=angle).rotation, np.array([1.0, -1.0])
+    R, flip = FootPose(yaw=angle).rotation, np.array([1.0, -1.0])
     schedule = swing(length=0.1, turn=0.2)
     elsewhere = moved(schedule, angle, shift)
     for push in PUSHES:
@@ -332,18 +335,18 @@ def test_the_mirror_and_a_turned_world_change_nothing():
         np.testing.assert_allclose(there.pose.p_WF[:2], p * flip, atol=1e-9)
         now = landing(state_at(0.3, schedule), icp, geometry(schedule))
         error = 1e-9 if contains(p, now.capture_region) else 1e-3
-        found = moved_on.pose.p_WF[:2]
-        assert found == pytest.approx(R @ p + shift, abs=error)
+        foothold = moved_on.pose.p_WF[:2]
+        assert foothold == pytest.approx(R @ p + shift, abs=error)
 
 
 def test_a_nominal_foothold_out_of_reach_is_brought_within():
     """Oracle: the reach, though the capture region covers the foothold."""
     # Legs that are crossed already.
-    step = replace(STEP, pose=walking.FootPose([0.0, 0.05, 0.0]))
+    step = replace(STEP, pose=FootPose([0.0, 0.05, 0.0]))
     schedule = replace(IN_PLACE, footsteps=(step, *IN_PLACE.footsteps[1:]))
-    found = propose(state_at(0.1, schedule), [0.0, 0.085], on=UNCROSSED)
+    adjusted = propose(state_at(0.1, schedule), [0.0, 0.085], on=UNCROSSED)
     assert contains(step.pose.p_WF[:2], region_at(0.1, [0.0, 0.085]))
-    assert found.pose.p_WF[1] == pytest.approx(0.0, abs=1e-12)
+    assert adjusted.pose.p_WF[1] == pytest.approx(0.0, abs=1e-12)
 
 
 # When.
@@ -386,12 +389,12 @@ def test_within_the_dead_band_nothing_moves():
     for off, moves in (0.0098, False), (0.0102, True):
         region = shifted_region(off)
         current = unadjusted(IN_PLACE)
-        found = adjust(current, region)
-        assert found.moved == moves
+        adjusted = adjust(current, region)
+        assert adjusted.moved == moves
         if moves:
-            assert found.pose.p_WF[0] == pytest.approx(off)
-        again = adjust(found, region)
-        assert again.pose == found.pose
+            assert adjusted.pose.p_WF[0] == pytest.approx(off)
+        again = adjust(adjusted, region)
+        assert again.pose == adjusted.pose
 
 
 @pytest.mark.parametrize(
@@ -434,8 +437,8 @@ def test_the_capture_region_on_arrival_is_of_the_time_of_the_way():
     ):
         one_step = GEOMETRY.one_step_region(icp, (first, first + 0.5))
         expected = capture_region(one_step, GEOMETRY.offsets[-1])
-        found = case.on_arrival(ahead, least, under_way)
-        np.testing.assert_allclose(found, expected, atol=1e-12)
+        region = case.on_arrival(ahead, least, under_way)
+        np.testing.assert_allclose(region, expected, atol=1e-12)
     unhurried = Landing(GEOMETRY, icp, now)
     assert unhurried.on_arrival(ahead, 0.08) is unhurried.capture_region
 
@@ -458,13 +461,13 @@ def test_a_foothold_moves_on_as_far_as_the_foot_can_be_there(time):
     reach = 0.25 * detour.max_acceleration * reach**2
     last, goal = LAST.pose.p_WF[:2], WANTED.pose.p_WF[:2]
     circle = shapely.Point(FOOT).buffer(reach, quad_segs=256)
-    way = shapely.LineString([last, goal])
-    share = circle.intersection(way).length / way.length
-    found = in_time(LAST, WANTED, late_landing(), time)
-    x, y = (found.pose.p_WF[:2] - last) / (goal - last)
+    line = shapely.LineString([last, goal])
+    share = circle.intersection(line).length / line.length
+    limited = in_time(LAST, WANTED, late_landing(), time)
+    x, y = (limited.pose.p_WF[:2] - last) / (goal - last)
     assert x == pytest.approx(y)
     assert 0.1 < share - 1.0 / 32.0 - 1e-4 <= x <= share + 1e-4 < 0.9
-    assert found.pose.yaw == WANTED.pose.yaw
+    assert limited.pose.yaw == WANTED.pose.yaw
 
 
 def strip(start, end):
@@ -497,16 +500,16 @@ def test_a_foothold_that_is_limited_is_in_the_place_in_which_it_lies(
         Place(FORWARD, 2, strip(0.2, 0.41)),
         Place(FORWARD, 3, strip(0.47, 0.9)),
     )
-    found = geometry_with(places=places)
+    polygons = geometry_with(places=places)
 
     class Case(Landing):
         def time_to(self, goal):
             return 0.0 if goal[0] <= seen else math.inf
 
     current = replace(LAST, region="own", ground=7)
-    wanted = at(0.6, -0.25, FORWARD, ground=3)
-    case = Case(found, np.array(OUT), (0.1, 0.6), FOOT)
-    moved_on = in_time(current, wanted, case, 0.1)
+    target = at(0.6, -0.25, FORWARD, ground=3)
+    case = Case(polygons, np.array(OUT), (0.1, 0.6), FOOT)
+    moved_on = in_time(current, target, case, 0.1)
     assert (moved_on.region, moved_on.ground) == place
     assert moved_on.pose.p_WF[0] == pytest.approx(0.1 + 0.5 * share / 32.0)
     assert moved_on.pose.p_WF[1] == pytest.approx(-0.25)
@@ -528,11 +531,11 @@ def test_a_foothold_in_time_is_taken_as_it_is_and_one_too_late_not_at_all():
     """Oracle: the very objects; the nominal foothold, and a foot that no
     mechanism hurries, are left alone.
     """
-    found = late_landing()
-    assert in_time(LAST, WANTED, found, 0.5) is WANTED
-    assert in_time(LAST, WANTED, found, 0.02).pose == LAST.pose
+    case = late_landing()
+    assert in_time(LAST, WANTED, case, 0.5) is WANTED
+    assert in_time(LAST, WANTED, case, 0.02).pose == LAST.pose
     back = unadjusted(IN_PLACE)
-    assert in_time(LAST, back, found, 0.0) is back
+    assert in_time(LAST, back, case, 0.0) is back
     assert in_time(LAST, WANTED, late_landing(None), 0.0) is WANTED
 
 
@@ -542,11 +545,11 @@ def test_the_time_that_the_clock_has_gained_counts():
         t = IN_PLACE.duration - left
         state = replace(state_at(t, adjustment=LAST), elapsed=t - gained)
         case = Landing(GEOMETRY, np.array([0.5, -0.2]), (0.06, 0.5), FOOT)
-        wanted = adjust_foothold(LAST, case, PARAMS, TICK)
-        found = propose_adjustment(state, case, PARAMS, TICK)
-        expected = in_time(LAST, wanted, case, 0.15)
-        assert found.pose.p_WF[:2] == pytest.approx(expected.pose.p_WF[:2])
-        assert found.pose.p_WF[0] < wanted.pose.p_WF[0]
+        target = adjust_foothold(LAST, case, PARAMS, TICK)
+        proposed = propose_adjustment(state, case, PARAMS, TICK)
+        expected = in_time(LAST, target, case, 0.15)
+        assert proposed.pose.p_WF[:2] == pytest.approx(expected.pose.p_WF[:2])
+        assert proposed.pose.p_WF[0] < target.pose.p_WF[0]
 
 
 @pytest.mark.parametrize("left", [0.03, 0.06])  # in the frozen time, before
@@ -559,7 +562,7 @@ def test_a_swing_is_prolonged_for_a_foothold_that_misses_less(icp, left):
     foot, first = NOMINAL.p_WF[:2], unadjusted(IN_PLACE)
     times = (left, left + PARAMS.waiting_time)
     case = Landing(GEOMETRY, np.array(icp), times, foot)
-    wanted = adjust_foothold(first, case, PARAMS, TICK)
+    target = adjust_foothold(first, case, PARAMS, TICK)
 
     def missed(pose):
         soonest = max(left, math.sqrt(0.5) * case.time_to(pose.p_WF[:2]))
@@ -569,21 +572,21 @@ def test_a_swing_is_prolonged_for_a_foothold_that_misses_less(icp, left):
         return region.distance(shapely.Point(pose.p_WF[:2]))
 
     state = state_at(IN_PLACE.duration - left)
-    found = propose_adjustment(state, case, PARAMS, TICK)
+    proposed = propose_adjustment(state, case, PARAMS, TICK)
     late = left + PARAMS.prolongation
-    later = in_time(first, wanted, case, late).pose
-    soon = in_time(first, wanted, case, left).pose if left > 0.05 else NOMINAL
+    later = in_time(first, target, case, late).pose
+    soon = in_time(first, target, case, left).pose if left > 0.05 else NOMINAL
     pays = missed(later) < missed(soon) - PARAMS.rules.distance_hysteresis
-    assert found.pose == (later if pays else soon)
-    assert found.prolonged == (PARAMS.prolongation if pays else 0.0)
+    assert proposed.pose == (later if pays else soon)
+    assert proposed.prolonged == (PARAMS.prolongation if pays else 0.0)
     assert pays == (np.hypot(*icp) > 0.2)
     never = replace(PARAMS, prolongation=0.0)
     other = propose_adjustment(state, case, never, TICK)
     assert (other.pose, other.prolonged) == (soon, 0.0)
-    state = replace(state, adjustment=found)  # it lasts for the swing
+    state = replace(state, adjustment=proposed)  # it lasts for the swing
     again = propose_adjustment(state, case, PARAMS, TICK)
-    assert again.prolonged == found.prolonged
-    assert missed(again.pose) <= missed(found.pose) + 1e-9
+    assert again.prolonged == proposed.prolonged
+    assert missed(again.pose) <= missed(proposed.pose) + 1e-9
 
 
 @pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])
@@ -594,14 +597,14 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
     """
     sides = ("left", -0.25), ("right", 0.25)
     stones = tuple(square(name, x - shift, -0.2) for name, x in sides)
-    found = on_ground(stones, IN_PLACE, UNCROSSED)
+    polygons = on_ground(stones, IN_PLACE, UNCROSSED)
     everywhere = convex_hull(rectangle(2.0, 2.0))
     for last, expected in (None, "right"), (0, kept), (1, "right"):
         current = unadjusted(IN_PLACE)
         if last is not None:
             current = at(-0.3 + 0.6 * last, -0.2, ground=last)
-        pose = adjust(current, everywhere, **vars(found)).pose
-        assert found.model.ground.region_under(pose).name == expected
+        pose = adjust(current, everywhere, **vars(polygons)).pose
+        assert polygons.model.ground.region_under(pose).name == expected
 
 
 # To draw.

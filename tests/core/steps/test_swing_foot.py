@@ -14,8 +14,12 @@ from nadia_balance.core.steps.swing_foot import (
     end_beyond,
     quintic,
 )
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.core.walking.state import (
+    FootPose,
+    FootPoses,
+    Side,
+    WalkingState,
+)
 from tests.example_walks import IDEAL_DETOUR, MODEL, stepping
 
 HORIZON = 0.6
@@ -93,10 +97,10 @@ def swing_state(
     t, goal=GOAL, yaw=0.2, duration=0.7, start=START, stance=STANCE, gained=0.0
 ):
     """The right foot swings from `start` to `goal`."""
-    feet = walking.FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
+    feet = FootPoses(FootPose([*stance, 0.0]), FootPose([*start, 0.0]))
     pose, late = FootPose([*goal, 0.0], yaw), t >= duration
     schedule = stepping(feet, pose, duration=duration)
-    return walking.WalkingState(schedule, t, t - gained, waiting=late)
+    return WalkingState(schedule, t, t - gained, waiting=late)
 
 
 def crossing(t, goal, start=NOMINAL, **kwargs):
@@ -229,8 +233,8 @@ def test_a_hurried_leg_uncrosses_no_faster_than_it_can(start, goal):
     """
     clock = np.minimum(np.arange(0.0, 0.6, PERIOD), 0.24)
     path = follow([crossing(t, goal, start, duration=0.24) for t in clock])
-    most = 2.0 * DETOUR.max_acceleration
-    assert np.hypot(*path[:, 2, :2].T).max() < 1.01 * most
+    limit = 2.0 * DETOUR.max_acceleration
+    assert np.hypot(*path[:, 2, :2].T).max() < 1.01 * limit
     assert gap(path[:, 0, :2]).min() > FREE
     assert path[-1, 0, :2] == pytest.approx(goal, abs=1e-3)
 
@@ -251,14 +255,14 @@ def test_a_foot_that_is_sent_away_too_late_comes_later():
     path = follow([swing_state(t, goal if t >= 0.6 else GOAL) for t in clock])
     late = path[clock >= 0.7]
     there = np.hypot(*(late[:, 0, :2] - goal).T) < 0.01
-    arrival, way = np.flatnonzero(there)[0], math.dist(goal, GOAL)
-    least = 2.0 * math.sqrt(way / DETOUR.max_acceleration)
+    arrival, distance = np.flatnonzero(there)[0], math.dist(goal, GOAL)
+    least = 2.0 * math.sqrt(distance / DETOUR.max_acceleration)
     assert 0.1 + arrival * PERIOD == pytest.approx(least, abs=0.04)
     assert late[:arrival, 0, 2].min() > 0.0
     assert late[-1, 0, 2] < 0.0
     # Twice full thrust: a quintic peaks at 1.44 times it, and it turns round.
-    most = 2.0 * DETOUR.max_acceleration
-    assert np.hypot(*path[:, 2, :2].T).max() < most
+    limit = 2.0 * DETOUR.max_acceleration
+    assert np.hypot(*path[:, 2, :2].T).max() < limit
 
 
 @pytest.mark.parametrize(
@@ -292,7 +296,7 @@ def test_velocities_now_of_a_reference_ahead():
     lead, acceleration = 0.02, np.array([1.0, -2.0, 3.0, -4.0])
     velocity = np.array([0.1, 0.2, -0.3, 0.5])
     late = np.array([np.zeros(4), velocity + lead * acceleration, acceleration])
-    found = as_reference(late, lead)
+    reference = as_reference(late, lead)
     (*v, yaw_rate), (*a, yaw_acceleration) = velocity, acceleration
     now = [0.0, 0.0, 0.0, *v, *a, 0.0, yaw_rate, yaw_acceleration]
-    assert found == pytest.approx(now, abs=1e-15)
+    assert reference == pytest.approx(now, abs=1e-15)

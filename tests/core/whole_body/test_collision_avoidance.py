@@ -8,12 +8,12 @@ from nadia_balance.core.math.arrays import SegmentPairs
 NUM_PAIRS = 200  # of each kind
 
 
-def brute_force(begin, way):
+def brute_force(begin, extent):
     """Distances (k,): a ternary search along the first segments.
 
     That of a point to the second one is exact, and convex along the first.
     """
-    (a, b), (da, db) = begin.swapaxes(0, 1), way.swapaxes(0, 1)
+    (a, b), (da, db) = begin.swapaxes(0, 1), extent.swapaxes(0, 1)
     square = np.maximum((db * db).sum(axis=0), 1e-300)
 
     def distance_at(share):
@@ -37,24 +37,24 @@ def anywhere(rng):
 
 def along(rng, bend, sign):
     """The second is parallel to the first but for an angle `bend` [rad]."""
-    begin, way = anywhere(rng)
-    way[:, 1] = sign * rng.uniform(0.1, 3.0, NUM_PAIRS) * way[:, 0]
-    way[:, 1] += bend * rng.normal(size=(3, NUM_PAIRS))
-    return begin, way
+    begin, extent = anywhere(rng)
+    extent[:, 1] = sign * rng.uniform(0.1, 3.0, NUM_PAIRS) * extent[:, 0]
+    extent[:, 1] += bend * rng.normal(size=(3, NUM_PAIRS))
+    return begin, extent
 
 
 def meeting(rng, s, t):
     """The points at these shares of the way are the same on both."""
-    begin, way = anywhere(rng)
-    begin[:, 1] = begin[:, 0] + s * way[:, 0] - t * way[:, 1]
-    return begin, way
+    begin, extent = anywhere(rng)
+    begin[:, 1] = begin[:, 0] + s * extent[:, 0] - t * extent[:, 1]
+    return begin, extent
 
 
 def spheres(rng, *which):
     """These have no length."""
-    begin, way = anywhere(rng)
-    way[:, which] = 0.0
-    return begin, way
+    begin, extent = anywhere(rng)
+    extent[:, which] = 0.0
+    return begin, extent
 
 
 KINDS = {
@@ -74,11 +74,11 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_points_are_on_the_segments_and_the_nearest(kind):
     """Oracle: brute force, to 1e-9 m of some metres."""
-    begin, way = KINDS[kind](np.random.default_rng(0))
-    lengths = np.linalg.norm(way, axis=0)
-    p = SegmentPairs(lengths).closest_points(begin, way)
-    share = ((p - begin) * way).sum(axis=0) / np.maximum(lengths, 1e-9) ** 2
+    begin, extent = KINDS[kind](np.random.default_rng(0))
+    lengths = np.linalg.norm(extent, axis=0)
+    p = SegmentPairs(lengths).closest_points(begin, extent)
+    share = ((p - begin) * extent).sum(axis=0) / np.maximum(lengths, 1e-9) ** 2
     assert np.all((share >= -1e-12) & (share <= 1.0 + 1e-12))
-    assert p == pytest.approx(begin + share * way, abs=1e-12)
+    assert p == pytest.approx(begin + share * extent, abs=1e-12)
     distance = np.linalg.norm(p[:, 0] - p[:, 1], axis=0)
-    assert distance == pytest.approx(brute_force(begin, way), abs=1e-9)
+    assert distance == pytest.approx(brute_force(begin, extent), abs=1e-9)

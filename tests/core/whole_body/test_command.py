@@ -14,17 +14,30 @@ from nadia_balance.core.walking.state import (
     Side,
     WalkingState,
 )
-from nadia_balance.core.whole_body import params as whole_body_params
 from nadia_balance.core.whole_body.command import (
     WholeBodyModel,
     crossing_turn,
     whole_body_command,
 )
+from nadia_balance.core.whole_body.params import (
+    CrossingTurnParams,
+    WholeBodyQpParams,
+)
 from tests.example_walks import stepping
 
 MASS = 900.0 / GRAVITY
-NO_JOINTS = [np.zeros(0)] * 6
-MODEL = WholeBodyModel(MASS, 0.25, 0.12, np.zeros((2, 3)), *NO_JOINTS)
+MODEL = WholeBodyModel(
+    mass=MASS,
+    sole_length=0.25,
+    sole_width=0.12,
+    ankles=np.zeros((2, 3)),
+    posture=np.zeros(0),
+    position_lower=np.zeros(0),
+    position_upper=np.zeros(0),
+    max_torque=np.zeros(0),
+    max_speed=np.zeros(0),
+    is_leg_joint=np.zeros(0),
+)
 
 
 def state(phase, support=Side.LEFT, yaws=(0.0, 0.0), **kwargs):
@@ -43,7 +56,7 @@ def command(walking_state, swing=None, **params):
         np.zeros(3),
         np.zeros(12) if swing is None else swing,
         0.6,
-        whole_body_params.WholeBodyQpParams(**params),
+        WholeBodyQpParams(**params),
         MODEL,
     )
 
@@ -68,8 +81,8 @@ def test_a_swing_sole_turns_from_its_ground_to_the_next_one():
 def test_a_swing_sole_is_flat_only_when_it_lands(time, expected):
     """Oracle: by hand; half-way through the last 0.4 s, the mean share."""
     swing = state(Phase.SWING, time_in_phase=time)
-    params = {"swing_early_share": 0.2, "swing_flat_time": 0.4}
-    assert command(swing, **params).flatness == pytest.approx(expected)
+    wish = command(swing, swing_early_share=0.2, swing_flat_time=0.4)
+    assert wish.flatness == pytest.approx(expected)
 
 
 def test_looks_ahead_between_the_feet():
@@ -93,10 +106,11 @@ def test_looks_ahead_between_the_feet():
 def test_the_trailing_foot_unloads_at_the_end_of_a_transfer(time, expected):
     """Oracle: linear from the weight to 50 N, in the last 0.2 s."""
     now = state(Phase.TRANSFER, time_in_phase=time)
-    options = {"unloading_fraction": 0.2, "unloaded_force": 50.0}
-    bounds = command(now, **options).max_normal_forces
-    assert bounds == pytest.approx((math.inf, expected))
-    waits = command(replace(now, waiting=True), **options)
+    wish = command(now, unloading_fraction=0.2, unloaded_force=50.0)
+    assert wish.max_normal_forces == pytest.approx((math.inf, expected))
+    waits = command(
+        replace(now, waiting=True), unloading_fraction=0.2, unloaded_force=50.0
+    )
     assert waits.max_normal_forces == (math.inf, math.inf)
 
 
@@ -111,11 +125,11 @@ def test_a_foot_that_has_landed_is_loaded_when_it_measures_a_force(
     landed = state(
         Phase.TRANSFER, steps_taken=1, elapsed=0.1, contact_time=contact
     )
-    found = command(
+    wish = command(
         landed, loading_time=0.01, unloaded_force=50.0, sinking_velocity=0.3
     )
-    assert found.max_normal_forces == pytest.approx((expected, math.inf))
-    assert found.sinking == (sinks, 0.0)
+    assert wish.max_normal_forces == pytest.approx((expected, math.inf))
+    assert wish.sinking == (sinks, 0.0)
     schedule = replace(landed.schedule, support_side=Side.RIGHT)
     other = command(replace(landed, schedule=schedule), sinking_velocity=0.3)
     assert other.sinking == (0.0, sinks)
@@ -141,7 +155,7 @@ def test_the_trailing_foot_of_a_long_step_may_roll(ahead, yaw, edge):
         assert command(flat).edges == (0.0, 0.0)
 
 
-PARAMS = whole_body_params.CrossingTurnParams()
+PARAMS = CrossingTurnParams()
 
 
 def turn_of(

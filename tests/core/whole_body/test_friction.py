@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nadia_balance.core.whole_body import limits as friction
+from nadia_balance.core.whole_body.limits import friction_after
 from nadia_balance.core.whole_body.params import SlipParams, WholeBodyQpParams
 
 PERIOD = 0.002
@@ -15,7 +15,7 @@ STILL, FAST = (0.0, 0.0, 0.0), (0.0, 0.5, 0.0)
 
 def after(force, velocity, last=STANDING):
     """With this force [weights] on the left sole, which moves so [m/s]."""
-    return friction.friction_after(
+    return friction_after(
         last,
         np.array([force, (0.0, 0.0, 0.5)]),
         np.array([velocity, STILL]),
@@ -26,8 +26,8 @@ def after(force, velocity, last=STANDING):
 
 def test_less_is_counted_on_than_what_did_not_hold():
     """Oracle: by hand, 0.9 of the larger side over the normal force."""
-    found = after((0.2, -0.25, 0.5), FAST)[0]
-    assert found == pytest.approx(0.9 * 0.25 / 0.5)
+    friction = after((0.2, -0.25, 0.5), FAST)[0]
+    assert friction == pytest.approx(0.9 * 0.25 / 0.5)
     _, left, right = after((0.2, -0.25, 0.0), FAST)
     assert (left, right) == (0.0, pytest.approx(1.0 + PERIOD))  # under load
     assert after((0.2, -0.25, 0.5), STILL)[0] == USUAL

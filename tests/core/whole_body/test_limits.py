@@ -59,9 +59,9 @@ def test_holds_what_forces_at_the_corners_can_do_and_nothing_else():
         slack = (U @ wrench).max()
         if abs(slack) < 1e-7:
             continue
-        found = linprog(np.zeros(16), A_eq=edges.T, b_eq=wrench)
-        assert (found.status == 0) == (slack < 0.0)
-        verdicts.append(found.status == 0)
+        program = linprog(np.zeros(16), A_eq=edges.T, b_eq=wrench)
+        assert (program.status == 0) == (slack < 0.0)
+        verdicts.append(program.status == 0)
     assert 25 < sum(verdicts) < 175
 
 
@@ -71,11 +71,15 @@ def test_wrenches_are_possible(contacts, friction):
     """Oracle: CoP in the sole, friction and force by their definitions."""
     params = WholeBodyQpParams()
     length, width = nadia().sole_length, nadia().sole_width
-    wish = {"momentum_rate": (300.0, 150.0, -100.0), "friction": friction}
     for seed in range(3):
-        terms, found = solve(random_state(seed), contacts, **wish)
+        terms, solution = solve(
+            random_state(seed),
+            contacts,
+            momentum_rate=(300.0, 150.0, -100.0),
+            friction=friction,
+        )
         for side, carries in enumerate(contacts):
-            wrench = found.wrenches[6 * side : 6 * side + 6]
+            wrench = solution.wrenches[6 * side : 6 * side + 6]
             if not carries:
                 assert wrench == pytest.approx(np.zeros(6), abs=ROUNDING)
                 continue
@@ -98,12 +102,14 @@ def test_refuses_a_margin_that_leaves_nothing_of_the_sole():
 
 def test_keeps_to_the_torque_limits():
     """Oracle: the limits; without them the knees would take more."""
-    wish = {"momentum_rate": (0.0, 0.0, 500.0)}
-    _, free = solve(standing_state(), **wish)
+    rate = (0.0, 0.0, 500.0)
+    _, free = solve(standing_state(), momentum_rate=rate)
     limits = model().max_torque
     ratio = 0.5 * np.max(np.abs(free.torques) / limits)
-    _, found = solve(standing_state(), max_torque=ratio * limits, **wish)
-    used = np.abs(found.torques) / (ratio * limits)
+    _, solution = solve(
+        standing_state(), max_torque=ratio * limits, momentum_rate=rate
+    )
+    used = np.abs(solution.torques) / (ratio * limits)
     assert used.max() == pytest.approx(1.0, abs=1e-6)
 
 
@@ -126,13 +132,13 @@ def test_joints_brake_before_their_limits():
     knee, terms = knee_at(-3.0)  # straightens, and fast
     angle, horizon = standing_state()[knee + 1], params.joint_limit_horizon
     wish, lowest = command(terms, (False, True)), angle - 0.005
-    found, free = (
+    limited, free = (
         WholeBodyQp(params, body, PERIOD).solve(terms, wish).vdot[knee]
         for body in (model(LEFT_KNEE_Y=lowest), model())
     )
-    ahead = angle - 3.0 * horizon + 0.5 * horizon**2 * found
+    ahead = angle - 3.0 * horizon + 0.5 * horizon**2 * limited
     assert ahead == pytest.approx(lowest, abs=1e-9)
-    assert free < found - 1.0
+    assert free < limited - 1.0
 
 
 def bend(terms):
@@ -149,12 +155,12 @@ def test_keeps_to_the_torque_speed_line():
         model(), drives=None, max_speed=np.full(23, np.inf)
     )
     eager = WholeBodyQpParams(damping_ratio=0.0, speed_limit_horizon=0.002)
-    found, free = (
+    limited, free = (
         WholeBodyQp(eager, body, PERIOD).solve(terms, bend(terms))
         for body in (model(), ideal)
     )
     assert free.torques[knee - 6] > 200.0
-    assert found.torques[knee - 6] == pytest.approx(175.0, abs=ROUNDING)
+    assert limited.torques[knee - 6] == pytest.approx(175.0, abs=ROUNDING)
 
 
 def test_torques_change_no_faster_than_they_may():
@@ -164,17 +170,17 @@ def test_torques_change_no_faster_than_they_may():
     still = qp.solve(terms, command(terms)).torques
     wish = command(terms, momentum_rate=(800.0, 0.0, 0.0))
     free = qp.solve(terms, wish).torques
-    found = qp.solve(terms, wish, still).torques
+    torques = qp.solve(terms, wish, still).torques
     limits = model().max_torque
     assert np.max(np.abs(free - still) / limits) > step + 0.05
-    assert np.max(np.abs(found - still) / limits) == pytest.approx(step)
+    assert np.max(np.abs(torques - still) / limits) == pytest.approx(step)
 
 
 def test_a_foot_carries_no_more_than_it_may():
     """Oracle: the bound; the other foot takes the rest of the weight."""
-    _, found = solve(standing_state(), max_normal_forces=(100.0, math.inf))
-    assert found.wrenches[5] == pytest.approx(100.0, abs=1e-6)
-    assert found.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)
+    _, solution = solve(standing_state(), max_normal_forces=(100.0, math.inf))
+    assert solution.wrenches[5] == pytest.approx(100.0, abs=1e-6)
+    assert solution.wrenches[11] > 0.8 * (nadia().mass * 9.81 - 100.0)
 
 
 class Turn:
@@ -250,13 +256,15 @@ def test_the_trunk_stops_at_its_largest_tilt(body, yaw, tilt, rate, near):
     outward = np.array([-y, x, 0.0]) / math.hypot(x, y)
     task, wish = Turn(body, 30.0 * outward), command(terms)
     ahead = []
-    for most in 18.0, 180.0:
+    for max_tilt in 18.0, 180.0:
         params = WholeBodyQpParams(
-            max_trunk_tilt_deg=most, trunk_tilt_horizon=0.15
+            max_trunk_tilt_deg=max_tilt, trunk_tilt_horizon=0.15
         )
-        found = WholeBodyQp(params, model(), PERIOD, [task]).solve(terms, wish)
-        assert found.qp.solves == 1
-        ahead.append(tilt_ahead(terms, body, found.vdot, 0.15))
+        solution = WholeBodyQp(params, model(), PERIOD, [task]).solve(
+            terms, wish
+        )
+        assert solution.qp.solves == 1
+        ahead.append(tilt_ahead(terms, body, solution.vdot, 0.15))
     assert math.degrees(ahead[0]) == pytest.approx(18.0, abs=near)
     assert math.degrees(ahead[1]) > 25.0
 
@@ -294,6 +302,6 @@ def test_joints_and_trunk_yield_if_nothing_else_is_possible(
     cost = dict.fromkeys(range(first, first + 23), 1.0)  # of joints
     cost |= {first + 23: 100.0, first + 24: 100.0}  # of torso and pelvis
     expected = by_quadprog(with_slack(problem, cost))[:29]
-    found = qp.solve(terms, command(terms))
-    assert found.qp.solves - found.qp.fallback == 2
-    assert found.vdot == pytest.approx(expected, abs=1e-5)
+    solution = qp.solve(terms, command(terms))
+    assert solution.qp.solves - solution.qp.fallback == 2
+    assert solution.vdot == pytest.approx(expected, abs=1e-5)

@@ -38,9 +38,9 @@ def test_torques_change_faster_if_nothing_else_is_possible():
     qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(qp.problem(terms, command(terms), last))
-    found = qp.solve(terms, command(terms), last)
+    solution = qp.solve(terms, command(terms), last)
     free = qp.solve(terms, command(terms))
-    assert found.torques == pytest.approx(free.torques, abs=1e-6)
+    assert solution.torques == pytest.approx(free.torques, abs=1e-6)
 
 
 def test_damping_torques_slow_the_joints_down():
@@ -58,12 +58,12 @@ def test_damping_torques_slow_the_joints_down():
     assert np.max(used) == pytest.approx(0.1)  # a tick away from nothing
 
 
-def inverse_dynamics(state, found):
+def inverse_dynamics(state, solution):
     """Generalised forces (nv,) for the accelerations and wrenches found."""
     plant, context = kinematics().plant, context_at(state)
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
-    for side, wrench in zip(Side, np.split(found.wrenches, 2), strict=True):
+    for side, wrench in zip(Side, np.split(solution.wrenches, 2), strict=True):
         foot = plant.GetBodyByName(nadia().foot_bodies[side])
         R_WB = plant.EvalBodyPoseInWorld(context, foot).rotation()
         foot.AddInForce(
@@ -73,7 +73,7 @@ def inverse_dynamics(state, found):
             plant.world_frame(),
             forces,
         )
-    return plant.CalcInverseDynamics(context, found.vdot, forces)
+    return plant.CalcInverseDynamics(context, solution.vdot, forces)
 
 
 @pytest.mark.parametrize("contacts", CONTACTS, ids=str)
@@ -81,9 +81,9 @@ def test_torques_wrenches_and_accelerations_belong_together(contacts):
     """Oracle: Drake's inverse dynamics with the wrenches applied."""
     for seed in range(3):
         state = random_state(seed)
-        _, found = solve(state, contacts, momentum_rate=(30.0, -20.0, 10.0))
-        expected = np.concatenate([np.zeros(6), found.torques])
-        by_drake = inverse_dynamics(state, found)
+        _, solution = solve(state, contacts, momentum_rate=(30.0, -20.0, 10.0))
+        expected = np.concatenate([np.zeros(6), solution.torques])
+        by_drake = inverse_dynamics(state, solution)
         assert by_drake == pytest.approx(expected, abs=ROUNDING)
 
 
@@ -94,9 +94,9 @@ def test_a_still_robot_in_its_posture_needs_no_acceleration():
     # The normal forces' regularisation lowers the CoM a little, and the IK
     # that makes the robot stand does not care about the torso: leave both out.
     params = WholeBodyQpParams(normal_weight=1e-12, torso_weight=0.0)
-    found = WholeBodyQp(params, at_rest, PERIOD).solve(terms, command(terms))
-    assert found.vdot == pytest.approx(np.zeros(29), abs=1e-6)
-    weight = found.wrenches[5] + found.wrenches[11]
+    solution = WholeBodyQp(params, at_rest, PERIOD).solve(terms, command(terms))
+    assert solution.vdot == pytest.approx(np.zeros(29), abs=1e-6)
+    weight = solution.wrenches[5] + solution.wrenches[11]
     assert weight == pytest.approx(nadia().mass * 9.81, rel=1e-7)
 
 
@@ -116,22 +116,22 @@ def test_a_sole_that_rolls_leaves_only_its_edge_on_the_ground(edge):
         terms = terms_at(random_state(seed))
         wish = command(terms, momentum_rate=(80.0, 0.0, 0.0))
         wish = wish._replace(edges=(edge, 0.0))
-        found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
-        assert found.qp.solved
+        solution = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
+        assert solution.qp.solved
         context = context_at(random_state(seed))
         J = plant.CalcJacobianTranslationalVelocity(context, V, frame, at, W, W)
         bias = plant.CalcBiasTranslationalAcceleration(
             context, V, frame, at, W, W
         )
-        assert J @ found.vdot + bias.ravel() == pytest.approx(
+        assert J @ solution.vdot + bias.ravel() == pytest.approx(
             -params.stance_damping * (J @ terms.v), abs=1e-6
         )
         R_WF = terms.rotations[0]
-        moment, force = np.split(found.wrenches[:6], 2)
+        moment, force = np.split(solution.wrenches[:6], 2)
         about_edge = moment - np.cross(edge * R_WF[:, 0], force)
         assert R_WF[:, 1] @ about_edge == pytest.approx(0.0, abs=ROUNDING)
         still = -params.stance_damping * terms.velocities[:12]
-        left = (terms.rows @ np.append(found.vdot, 1.0))[:12] - still
+        left = (terms.rows @ np.append(solution.vdot, 1.0))[:12] - still
         assert left[6:] == pytest.approx(np.zeros(6), abs=1e-6)
         turn = R_WF.T @ left[:3]
         assert turn[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-6)
@@ -150,8 +150,8 @@ def test_a_tilted_sole_is_brought_on_its_ground(ground):
     terms, params = terms_at(state), WholeBodyQpParams()
     normals = np.array([[0.0, -math.sin(ground), math.cos(ground)]] * 2)
     wish = command(terms)._replace(normals=normals, sinking=(0.3, 0.0))
-    found = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
-    moves = (terms.rows @ np.append(found.vdot, 1.0))[:12]
+    solution = WholeBodyQp(params, model(), PERIOD).solve(terms, wish)
+    moves = (terms.rows @ np.append(solution.vdot, 1.0))[:12]
     expected = params.stance_tilt_gain * math.sin(ground - 0.02)
     assert moves[:3] == pytest.approx([expected, 0.0, 0.0], abs=1e-6)
     down = -0.3 * params.stance_damping * normals[0]
@@ -172,6 +172,8 @@ def test_a_joint_s_speed_comes_before_its_position(speed):
     bounds = np.zeros((2, 400))
     limits.fill(np.zeros((400, 41)), bounds, terms, command(terms))
     lower, upper = bounds[:, 23 + knee - 6]
-    most = 0.95 * beyond.max_speed[knee - 6]
-    assert lower == pytest.approx(np.clip((most - speed) / 0.02, -500, 500))
+    max_speed = 0.95 * beyond.max_speed[knee - 6]
+    assert lower == pytest.approx(
+        np.clip((max_speed - speed) / 0.02, -500, 500)
+    )
     assert lower == pytest.approx(upper)

@@ -56,9 +56,9 @@ def test_tasks_of_trunk_and_swing_foot_are_pd_laws(slope):
     def turning(gain, heading, body, rows, slope=0.0):
         yaw, rate, acceleration = heading
         R = RotationMatrix(terms.rotations[body])
-        wanted = RotationMatrix.MakeYRotation(slope)
-        wanted @= RotationMatrix.MakeZRotation(yaw)
-        to_go = (wanted @ R.inverse()).ToAngleAxis()
+        upright = RotationMatrix.MakeYRotation(slope)
+        upright @= RotationMatrix.MakeZRotation(yaw)
+        to_go = (upright @ R.inverse()).ToAngleAxis()
         error = math.sin(to_go.angle()) * to_go.axis()
         slower = np.array([0.0, 0.0, rate]) - terms.velocities[rows]
         forward = np.array([0.0, 0.0, acceleration])
@@ -81,9 +81,12 @@ def ankle_rows(state):
     plant, context = kinematics().plant, context_at(state)
     ankle = plant.GetJointByName("RIGHT_ANKLE_X").frame_on_child()
     world, zero = plant.world_frame(), np.zeros(3)
-    at = context, JacobianWrtVariable.kV, ankle, zero, world, world
-    J = plant.CalcJacobianTranslationalVelocity(*at)
-    bias = plant.CalcBiasTranslationalAcceleration(*at)
+    J = plant.CalcJacobianTranslationalVelocity(
+        context, JacobianWrtVariable.kV, ankle, zero, world, world
+    )
+    bias = plant.CalcBiasTranslationalAcceleration(
+        context, JacobianWrtVariable.kV, ankle, zero, world, world
+    )
     return np.column_stack((J, bias))
 
 
@@ -114,11 +117,11 @@ def test_the_ankle_follows_the_reference_of_the_sole(slope):
 
     before, now, after = (reference(t) for t in (-1e-4, 0.0, 1e-4))
     p_WA = ankle.CalcPoseInWorld(context).translation()
-    wanted = (after - 2.0 * now + before) / 1e-8
-    wanted += 300.0 * (now - p_WA)
+    acceleration = (after - 2.0 * now + before) / 1e-8
+    acceleration += 300.0 * (now - p_WA)
     slower = (after - before) / 2e-4 - rows[:, :-1] @ terms.v
-    wanted += 2.0 * math.sqrt(300.0) * slower
-    assert foot.acceleration[3:] == pytest.approx(wanted, rel=1e-5)
+    acceleration += 2.0 * math.sqrt(300.0) * slower
+    assert foot.acceleration[3:] == pytest.approx(acceleration, rel=1e-5)
 
 
 def momentum_at(state):
@@ -143,7 +146,7 @@ def test_momentum_rows_are_its_rate(contacts):
     )
     state, plant = random_state(1), kinematics().plant
     terms, wish = terms_at(state), np.array([10.0, -20.0, 30.0])
-    rows, wanted = MomentumTask(unweighted, model()).motion(
+    rows, acceleration = MomentumTask(unweighted, model()).motion(
         terms, command(terms, contacts, wish)
     )
     vdot = np.random.default_rng(1).normal(size=29)
@@ -158,8 +161,8 @@ def test_momentum_rows_are_its_rate(contacts):
     damping = unweighted.angular_momentum_damping
     missing[3:] += damping * momentum_at(state)[3:]
     # Truncation and rounding at this step both leave about 1e-8.
-    found = rows @ np.append(vdot, 1.0) - wanted
-    assert found == pytest.approx(missing, abs=1e-6)
+    error = rows @ np.append(vdot, 1.0) - acceleration
+    assert error == pytest.approx(missing, abs=1e-6)
 
 
 class JointTask:
