@@ -538,8 +538,9 @@ class FootstepPlan:
         Args:
             side: foot that steps.
             feet: soles in W.
-            icp: measured ICP (2,) in W [m], after a step that caught it (see
-                shift); None: the step begins as a walk does.
+            icp: measured ICP (2,) in W [m]: the nearer it is to the stance foot
+                than in standing, the sooner the step; None: it begins as a walk
+                does.
             closes: the step ends a walk, and is quick.
             reactive: the step still belongs to a recovery.
 
@@ -550,9 +551,14 @@ class FootstepPlan:
         pose = self.beside(side, stance)
         if pose is None or self._is_square(feet[side], pose):
             return ()
-        transfer, swing = p.initial_transfer_duration, p.swing_duration
+        share = 1.0
         if icp is not None:
-            transfer = self.shift(icp, side, feet)
+            share = min(
+                math.dist(icp, stance.p_WF[:2]) / (0.5 * self.model.step_width),
+                1.0,
+            )
+        transfer, swing = p.transfer_duration, p.swing_duration
+        transfer += share * (p.initial_transfer_duration - transfer)
         if closes:
             transfer = p.closing_share * p.transfer_duration
             swing = p.closing_share * p.swing_duration
@@ -561,7 +567,7 @@ class FootstepPlan:
     def shift(self, icp: Array, side: Side, feet: FootPoses) -> float:
         """The time in which the weight shifts from one foot to the other.
 
-        A CoP that moves evenly from the centre of the one to that of the other
+        The ICP is on its plan, and on its way.  A CoP that moves evenly from the centre of the one to that of the other
         in T leads an ICP there that has the share u of this way behind it, with
         (1 - exp(-w T)) / (w T) = u.  Slower, the ICP passes the foot.
 
