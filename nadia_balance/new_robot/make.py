@@ -18,7 +18,8 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.new_robot import measure
 from nadia_balance.new_robot.description import Anatomy, Leg, Notes
-from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_mjcf, read_urdf
+from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_urdf
+from nadia_balance.new_robot.read_mjcf import read_mjcf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 from nadia_balance.parameters.scaling import NADIA
 
