@@ -52,7 +52,12 @@ class SolePlane:
     depth: float  # distance of the plane from the link's origin [m]
     points: Array  # (k, 3), on the plane
     area: float  # of their convex hull [m^2]
-    source: str
+    source: str  # role of the shapes
+
+    @property
+    def extents(self) -> Array:
+        """Length and width (2,) [m], in a frame whose z axis is normal."""
+        return np.asarray(np.ptp(self.points[:, :2], axis=0))
 
 
 def find_sole(foot: Link, down: Array) -> SolePlane:
