@@ -94,7 +94,6 @@ def _torso(robot: Description, legs: Sequence[Leg]) -> str:
 
 
 def _snapped(direction: Array, subject: str) -> Array:
-    """The axis (3,) of the root that is nearest to a direction (3,) [m]."""
     i = int(np.abs(direction).argmax())
     if abs(direction[i]) < ALONG * np.linalg.norm(direction):
         raise ValueError(
@@ -132,9 +131,11 @@ def find_anatomy(
     forward = np.cross(lateral, up)
     sign = _sign(robot, legs, named, forward)
     sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
-    torso = _torso(robot, legs)
-    if named.get("torso"):
-        torso = robot.holder(named["torso"])
+    torso = (
+        robot.holder(named["torso"])
+        if named.get("torso")
+        else _torso(robot, legs)
+    )
     names = ", ".join(leg.foot for leg in sides.values())
     notes.add("guessed", f"pelvis {robot.root}, torso {torso}, feet {names}")
     for side, leg in sides.items():

@@ -236,10 +236,9 @@ class Joint:
             The child's pose in the parent.
         """
         if self.type == "prismatic":
-            moved = RigidTransform(angle * self.axis)
-        else:
-            moved = RigidTransform(RotationMatrix(AngleAxis(angle, self.axis)))
-        return RigidTransform(self.X_PC @ moved)
+            return RigidTransform(self.X_PC @ RigidTransform(angle * self.axis))
+        R = RotationMatrix(AngleAxis(angle, self.axis))
+        return RigidTransform(self.X_PC @ RigidTransform(R))
 
 
 @dataclass

@@ -209,8 +209,9 @@ def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
     """Warns of inertias of no body, of unlike sides and of swapped names."""
     for link in robot.links.values():
         if link.shapes:
-            corners = link.corners() - link.M.get_com()
-            distance = np.linalg.norm(corners, axis=1).max()
+            distance = np.linalg.norm(
+                link.corners() - link.M.get_com(), axis=1
+            ).max()
             moment = link.central().CalcPrincipalMomentsOfInertia().max()
             if moment > _LARGEST * link.M.get_mass() * distance**2:
                 notes.add(
@@ -268,8 +269,7 @@ def _guess_drives(robot: Description, leg: float, notes: Notes) -> None:
     mass = robot.mass(robot.links)
     inertia = _ROTOR_SHARE * mass * leg**2
     effort = GRAVITY * mass * leg
-    joints = list(robot.joints.values())
-    bare = [joint for joint in joints if not joint.rotor_inertia]
+    bare = [j for j in robot.joints.values() if not j.rotor_inertia]
     for joint in bare:
         joint.rotor_inertia = inertia
     if bare:
@@ -278,7 +278,7 @@ def _guess_drives(robot: Description, leg: float, notes: Notes) -> None:
             f"rotor inertia of {len(bare)} joints: taken as {inertia:.3g} "
             "kg m^2, Nadia's by mass and length",
         )
-    for joint in joints:
+    for joint in robot.joints.values():
         if joint.effort > effort:
             notes.add(
                 "warning",
@@ -362,23 +362,31 @@ def _inertial(link: Link) -> Element:
 
 
 def _shape(shape: Shape, folder: Path, name: str) -> Element:
-    kind = shape.kind if shape.kind in _OF_URDF else DRAKE + shape.kind
-    solid = _tag(kind, **shape.size)
+    solid = _tag(
+        shape.kind if shape.kind in _OF_URDF else DRAKE + shape.kind,
+        **shape.size,
+    )
     if shape.kind == "mesh":
         solid.set("filename", f"meshes/{_write_mesh(shape, folder, name)}")
     element = _tag(
         shape.role, _origin(shape.X_LG), _tag("geometry", solid), name=name
     )
     if shape.role == COLLIDING:
-        properties = _tag(
-            f"{DRAKE}proximity_properties",
-            _tag(f"{DRAKE}mu_static", value=_FRICTION),
-            _tag(f"{DRAKE}mu_dynamic", value=_FRICTION),
+        element.append(
+            _tag(
+                f"{DRAKE}proximity_properties",
+                _tag(f"{DRAKE}mu_static", value=_FRICTION),
+                _tag(f"{DRAKE}mu_dynamic", value=_FRICTION),
+            )
         )
-        element.append(properties)
     elif shape.colour:
-        colour = _tag("color", rgba=shape.colour)
-        element.append(_tag("material", colour, name=f"{name}_colour"))
+        element.append(
+            _tag(
+                "material",
+                _tag("color", rgba=shape.colour),
+                name=f"{name}_colour",
+            )
+        )
     return element
 
 

@@ -310,8 +310,8 @@ def _posture(
         for end in (-np.inf, np.inf)
     ]
 
+    # How far ahead of the CoM the soles are [m], and their tilts [-].
     def error(values: Array) -> Array:
-        """How far ahead of the CoM the soles are [m], and their tilts."""
         angles.update(zip(searched, map(float, values), strict=True))
         poses = robot.poses(angles)
         com = robot.com(poses)
@@ -325,8 +325,11 @@ def _posture(
             angles[name] = robot.joints[name].nearest(
                 knee.angle(bend), _LEG_MARGIN
             )
-        start = np.clip(np.zeros(len(searched)), bounds[0], bounds[1])
-        solution = least_squares(error, start, bounds=bounds)
+        solution = least_squares(
+            error,
+            np.clip(np.zeros(len(searched)), bounds[0], bounds[1]),
+            bounds=bounds,
+        )
         if np.abs(error(solution.x)).max() < _LEVEL:
             return {n: a for n, a in angles.items() if abs(a) > 1e-4}
     raise ValueError(

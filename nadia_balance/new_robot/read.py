@@ -224,13 +224,16 @@ def _take_shape(
         notes.add("changed", f"left out the {kind} of {part.name}")
         return
     path = f"geometry/{solids[0].tag}"
-    zeros = _ZERO if kind == "box" else "0"
     mesh = trimesh.Trimesh()
     try:
-        size = {key: part.numbers(path, key, zeros) for key in SOLIDS[kind]}
+        size = {
+            key: part.numbers(path, key, _ZERO if kind == "box" else "0")
+            for key in SOLIDS[kind]
+        }
         if kind == "mesh":
-            file = _find_mesh(part.text(path, "filename"), folders)
-            mesh = _load(file).copy()
+            mesh = _load(
+                _find_mesh(part.text(path, "filename"), folders)
+            ).copy()
             mesh.apply_scale(part.numbers(path, "scale", "1 1 1"))  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         message = str(error).removeprefix(f"{part.name}: ")
@@ -270,11 +273,9 @@ def _find_mesh(name: str, folders: Sequence[Path]) -> Path:
     if separator and scheme != "file":
         package, _, inside = rest.lstrip("/").partition("/")
         tails = [f"{package}/{inside}", inside]
-    for folder in folders:
-        for tail in tails:
-            path = folder.resolve() / tail
-            if path.is_file():
-                return path
+    for path in [folder.resolve() / t for folder in folders for t in tails]:
+        if path.is_file():
+            return path
     raise FileNotFoundError(f"there is no {name} (--package-root?)")
 
 

@@ -115,11 +115,12 @@ def sole_plane(
         for shape in shapes
     ]
     depth = max(float((points @ normal).max()) for points in lowest)
-    on_plane = [
-        p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
-        for p, shape in zip(lowest, shapes, strict=True)
-    ]
-    flat = np.concatenate(on_plane)
+    flat = np.concatenate(
+        [
+            p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
+            for p, shape in zip(lowest, shapes, strict=True)
+        ]
+    )
     across = np.linalg.svd(normal[None])[2][1:]
     try:
         area = ConvexHull(flat @ across.T).volume
@@ -262,11 +263,15 @@ def _fit_links(
 
 def _neighbours(robot: Description, capsules: Shapes) -> Pairs:
     """Pairs of links with capsules, of which none is between the two."""
-    pairs: Pairs = set()
-    for link in capsules:
-        above = [j.parent for j in robot.chain(link) if j.parent in capsules]
-        pairs |= {frozenset((link, holder)) for holder in above[-1:]}
-    return pairs
+    above = {
+        link: [j.parent for j in robot.chain(link) if j.parent in capsules]
+        for link in capsules
+    }
+    return {
+        frozenset((link, holders[-1]))
+        for link, holders in above.items()
+        if holders
+    }
 
 
 def _solid(kind: str, X: RigidTransform, **size: float) -> Shape:
@@ -308,7 +313,6 @@ def _fitted(link: Link, smallest: float) -> list[Shape]:
 
 
 def _bone(upper: Vector, lower: Vector) -> Shape:
-    """A capsule between two points (3,) [m]."""
     length = float(np.linalg.norm(lower - upper))
     return _solid(
         "capsule",
