@@ -127,8 +127,9 @@ def draw_feedback() -> Figure:
             perpendicular_weight=weight, max_kappa=0.0, rate_weight=0.0
         )
         limits = feedback_limits(SOLE, 0.0, params)
-        qp = IcpFeedbackQp(params)
-        ecmp = qp.solve(ERROR, COP_R, np.zeros(2), np.zeros(4), limits).ecmp
+        solution = IcpFeedbackQp(params).solve(
+            ERROR, COP_R, np.zeros(2), np.zeros(4), limits
+        )
         asked = COP_R + params.feedback_gain * ERROR
         _draw_sole(ax, STANCE, SWING.other, "support polygon")
         fill(
@@ -140,11 +141,11 @@ def draw_feedback() -> Figure:
             linewidth=0.8,
         )
         arrow(ax, COP_R, asked, FAINT)
-        arrow(ax, COP_R, ecmp, palette.ECMP)
+        arrow(ax, COP_R, solution.ecmp, palette.ECMP)
         for point, mark, color, label in (
             (asked, "D", FAINT, "eCMP asked for"),
             (COP_R, "o", palette.COP, "reference"),
-            (ecmp, "s", palette.ECMP, "eCMP"),
+            (solution.ecmp, "s", palette.ECMP, "eCMP"),
         ):
             _draw_point(ax, point, mark, color, label, size=9)
         x, y = COP_R + 0.85 * (asked - COP_R) + [-0.014, 0.002]
@@ -162,8 +163,12 @@ def draw_by_reachability() -> Figure:
     fig, axes = plan_views(*REACHES, x=_FORWARD, y=_ACROSS)
     for ax, reach in zip(axes, REACHES.values(), strict=True):
         for n in range(len(NAMES), 0, -1):
-            region = capture_region(_one_step(), _offsets(reach, n))
-            fill(ax, region, palette.CAPTURE_REGIONS[n - 1], NAMES[n - 1])
+            fill(
+                ax,
+                capture_region(_one_step(), _offsets(reach, n)),
+                palette.CAPTURE_REGIONS[n - 1],
+                NAMES[n - 1],
+            )
         _draw_feet(ax)
     share_legend(fig, axes[0], _WHEN)
     return fig
@@ -341,10 +346,15 @@ def draw_rules() -> Figure:
                 fill(ax, region, palette.REACH, alpha=0.0, linewidth=0.8)
         reach = geometry.regions[adjusted.region]
         captures = landing.capture_region
-        shared = intersection(reach, captures)
         fill(ax, reach, palette.REACH, "reachable", alpha=0.18)
         fill(ax, captures, palette.CAPTURE_REGIONS[-1], "capture region C₃")
-        fill(ax, shared, palette.CAPTURE_REGIONS[0], "what they share", 0.45)
+        fill(
+            ax,
+            intersection(reach, captures),
+            palette.CAPTURE_REGIONS[0],
+            "what they share",
+            alpha=0.45,
+        )
         _draw_sole(ax, STANCE, SWING.other)
         _draw_sole(ax, NOMINAL, SWING, "planned foothold", "--")
         _draw_sole(ax, adjusted.pose, SWING, "adjusted foothold")

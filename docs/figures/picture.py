@@ -17,7 +17,7 @@ import io
 import math
 import shutil
 import sys
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -135,8 +135,10 @@ def main(argv: list[str] | None = None) -> int:
         type=command_line.place,
         help="by default picture.png or .gif in the folder",
     )
-    for name, default in asdict(View()).items():
-        parser.add_argument(f"--{name}", type=type(default), default=default)
+    for field in fields(View):
+        parser.add_argument(
+            f"--{field.name}", type=type(field.default), default=field.default
+        )
     args = parser.parse_args(argv)
     with parser.refusing():
         out = _write(args)
@@ -354,8 +356,9 @@ def _picture(
 
 
 def _image(screenshot: bytes) -> Image.Image:
-    image = Image.open(io.BytesIO(screenshot)).convert("RGB")
-    return image.reduce(_SHARPNESS)
+    return (
+        Image.open(io.BytesIO(screenshot)).convert("RGB").reduce(_SHARPNESS)
+    )
 
 
 if __name__ == "__main__":

@@ -62,10 +62,10 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
             strength = 1.0 + np.mean([joint.effort for joint in one + other])
             pairs.append((mass * strength, pair, one, other))
     if not pairs:
-        ends = [f"{len(robot.chain(leaf))} to {leaf}" for leaf in leaves]
         raise ValueError(
             "legs: must be two, of 6 or 7 joints each (without ankle roll a "
-            "sole does not stay level); numbers of joints: " + ", ".join(ends)
+            "sole does not stay level); numbers of joints: "
+            + ", ".join(f"{len(robot.chain(end))} to {end}" for end in leaves)
         )
     _, pair, one, other = max(pairs, key=lambda pair: pair[0])
     legs = [
@@ -136,8 +136,11 @@ def find_anatomy(
         if named.get("torso")
         else _torso(robot, legs)
     )
-    names = ", ".join(leg.foot for leg in sides.values())
-    notes.add("guessed", f"pelvis {robot.root}, torso {torso}, feet {names}")
+    notes.add(
+        "guessed",
+        f"pelvis {robot.root}, torso {torso}, feet "
+        + ", ".join(leg.foot for leg in sides.values()),
+    )
     for side, leg in sides.items():
         hip, knee, ankle = leg.pitches
         notes.add(
@@ -145,8 +148,11 @@ def find_anatomy(
             f"{side.value} leg: hip pitch {hip}, knee {knee}, "
             f"ankle pitch {ankle}",
         )
-    axes = np.stack([sign * forward, sign * lateral, up], axis=1)
-    return Anatomy(torso, sides, axes)
+    return Anatomy(
+        torso=torso,
+        legs=sides,
+        axes=np.stack([sign * forward, sign * lateral, up], axis=1),
+    )
 
 
 def _sign(
@@ -175,8 +181,9 @@ def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
     """The joints of hip, knee and ankle about the `lateral` axis."""
     points, axes = robot.hinges(leg.joints, robot.poses())
     hinges = dict(zip(leg.joints, points, strict=True))
-    along = np.abs(axes @ lateral) > ALONG
-    pitches = list(itertools.compress(leg.joints, along))
+    pitches = list(
+        itertools.compress(leg.joints, np.abs(axes @ lateral) > ALONG)
+    )
     if len(pitches) < 3:
         raise ValueError(
             f"leg to {leg.foot}: must have hip, knee and ankle about the "

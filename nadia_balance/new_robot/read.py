@@ -47,7 +47,7 @@ class _Part:
         element = self.element.find(path)
         return default if element is None else element.get(key, default)
 
-    def numbers(self, path: str, key: str, default: str = "0") -> Array:
+    def numbers(self, path: str, key: str, default: str = "0") -> Vector:
         """An attribute with as many numbers as `default`, checked."""
         text = self.text(path, key, default)
         count = len(default.split())
@@ -69,9 +69,10 @@ class _Part:
         return float(self.numbers(path, key, default)[0])
 
     def pose(self, path: str) -> RigidTransform:
-        xyz: Vector = self.numbers(path, "xyz", _ZERO)
-        rpy: Vector = self.numbers(path, "rpy", _ZERO)
-        return RigidTransform(RollPitchYaw(rpy), xyz)
+        return RigidTransform(
+            p=self.numbers(path, "xyz", _ZERO),
+            rpy=RollPitchYaw(self.numbers(path, "rpy", _ZERO)),
+        )
 
 
 def read_urdf(
@@ -240,8 +241,11 @@ def _take_shape(
         link.missing = link.missing or message
         notes.add("changed", f"left out {part.name}: {message}")
         return
-    material = colours.get(part.text("material", "name"), "")
-    colour = part.text("material/color", "rgba", material)
+    colour = part.text(
+        "material/color",
+        "rgba",
+        default=colours.get(part.text("material", "name"), ""),
+    )
     if colour and not _is_colour(colour):
         notes.add("changed", "left out the colours of", part.name)
         colour = ""
@@ -331,8 +335,9 @@ def _inertia(part: _Part, link: Link, notes: Notes) -> SpatialInertia:
     given = np.take(moments, [[0, 3, 4], [3, 1, 5], [4, 5, 2]])
     if link.shapes and not given.any():
         notes.add("changed", "moments of inertia of 0, now of a box", link.name)
-        sides = np.ptp(link.corners(), axis=0)
-        return SpatialInertia.SolidBoxWithMass(mass, *sides).Shift(-com)
+        return SpatialInertia.SolidBoxWithMass(
+            mass, *np.ptp(link.corners(), axis=0)
+        ).Shift(-com)
     possible = _possible(given, mass)
     if not np.allclose(given, possible, rtol=1e-3, atol=0.0):
         notes.add(
@@ -351,5 +356,6 @@ def _possible(inertia: Array, mass: float) -> Array:
     largest = int(moments.argmax())
     rest = moments.sum() - moments[largest]
     moments[largest] = min(moments[largest], 0.999 * rest)
-    changed = (moments != given).any()
-    return axes @ np.diag(moments) @ axes.T if changed else inertia
+    if (moments == given).all():
+        return inertia
+    return np.asarray(axes @ np.diag(moments) @ axes.T)

@@ -122,8 +122,11 @@ def _inertia_of_body(
     """The inertia about a point `origin` (3,) [m] of the body."""
     X = _pose(model.body_ipos[body] - origin, model.body_iquat[body])
     R = X.rotation().matrix()
-    central = R @ np.diag(model.body_inertia[body]) @ R.T
-    return spatial_inertia(model.body_mass[body], X.translation(), central)
+    return spatial_inertia(
+        mass=model.body_mass[body],
+        com=X.translation(),
+        central=R @ np.diag(model.body_inertia[body]) @ R.T,
+    )
 
 
 def _chain(
@@ -170,8 +173,10 @@ def _effort(model: mujoco.MjModel, joint: int) -> float:
     efforts = []
     if model.jnt_actfrclimited[joint]:
         efforts.append(np.abs(model.jnt_actfrcrange[joint]).max())
-    of_joint = model.actuator_trntype <= int(mjtTrn.mjTRN_JOINTINPARENT)
-    for i in np.flatnonzero(of_joint & (model.actuator_trnid[:, 0] == joint)):
+    for i in np.flatnonzero(
+        (model.actuator_trntype <= int(mjtTrn.mjTRN_JOINTINPARENT))
+        & (model.actuator_trnid[:, 0] == joint)
+    ):
         gear = abs(model.actuator_gear[i, 0])
         if model.actuator_forcelimited[i]:
             efforts.append(gear * np.abs(model.actuator_forcerange[i]).max())
@@ -218,8 +223,9 @@ def _shapes(
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
-    first = model.mesh_vertadr[mesh]
-    face = model.mesh_faceadr[mesh]
-    vertices = model.mesh_vert[first:][: model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[face:][: model.mesh_facenum[mesh]]
-    return trimesh.Trimesh(vertices.astype(float), faces)
+    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :]
+    faces = model.mesh_face[model.mesh_faceadr[mesh] :]
+    return trimesh.Trimesh(
+        vertices=vertices[: model.mesh_vertnum[mesh]].astype(float),
+        faces=faces[: model.mesh_facenum[mesh]],
+    )

@@ -275,8 +275,12 @@ def _neighbours(robot: Description, capsules: Shapes) -> Pairs:
 
 
 def _solid(kind: str, X: RigidTransform, **size: float) -> Shape:
-    sizes = {key: np.array([value]) for key, value in size.items()}
-    return Shape(COLLIDING, kind, sizes, X)
+    return Shape(
+        role=COLLIDING,
+        kind=kind,
+        size={key: np.array([value]) for key, value in size.items()},
+        X_LG=X,
+    )
 
 
 def _thickened(points: Array) -> Array:
