@@ -356,9 +356,7 @@ def _picture(
 
 
 def _image(screenshot: bytes) -> Image.Image:
-    return (
-        Image.open(io.BytesIO(screenshot)).convert("RGB").reduce(_SHARPNESS)
-    )
+    return Image.open(io.BytesIO(screenshot)).convert("RGB").reduce(_SHARPNESS)
 
 
 if __name__ == "__main__":
