@@ -182,14 +182,17 @@ def _walk(robot: str, fidelity: str) -> int:
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
     summary = run.summary
-    loads = torque_ratio(run.logs), joint_speed_ratio(run.logs)
     failed = "" if summary["recovered"] else f": {summary['reason']}"
     command_line.say(
         f"{'DID NOT WALK' if failed else 'WALKED'}: {summary['steps_taken']} "
         f"steps in place, max ICP error "
         f"{1e3 * summary['max_icp_error_m']:.1f} mm, max torque "
         f"{100 * summary['max_torque_ratio']:.0f} %{failed}",
-        *margins(diagram.robot, *np.max(loads, axis=1, initial=0.0)),
+        *margins(
+            diagram.robot,
+            np.max(torque_ratio(run.logs), axis=0, initial=0.0),
+            np.max(joint_speed_ratio(run.logs), axis=0, initial=0.0),
+        ),
     )
     return command_line.FAILED if failed else command_line.DONE
 

@@ -67,8 +67,12 @@ def draw_plans() -> Figure:
         plan, _ = swing_plan(*FAST, smooth)
         times = _draw_walk(ax, plan, *FAST)
         if smooth:
-            path = np.array([plan.at(t).ecmp for t in times])
-            ax.plot(*path.T, color=palette.ECMP, lw=1.0, label="CMP")
+            ax.plot(
+                *np.transpose([plan.at(t).ecmp for t in times]),
+                color=palette.ECMP,
+                lw=1.0,
+                label="CMP",
+            )
         ax.plot(
             *np.transpose(plan.cop_waypoints),
             "o",
@@ -256,10 +260,18 @@ def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
     ahead = time_ahead(done, plan.duration - time, MODEL.omega)
     sped_up = plan.at(time + ahead).icp
     _draw_soles(ax, 2)
-    path = _icps(plan, np.linspace(0.0, plan.duration, 60))
-    ax.plot(*path.T, color=palette.ICP_REFERENCE, lw=3.0, label="ICP plan")
-    rest = np.array([sped_up, icp])
-    ax.plot(*rest.T, color=palette.PUSH, lw=2.0, label="error that is left")
+    ax.plot(
+        *_icps(plan, np.linspace(0.0, plan.duration, 60)).T,
+        color=palette.ICP_REFERENCE,
+        lw=3.0,
+        label="ICP plan",
+    )
+    ax.plot(
+        *np.array([sped_up, icp]).T,
+        color=palette.PUSH,
+        lw=2.0,
+        label="error that is left",
+    )
     for point, mark, color, label in (
         (start, "o", palette.ICP_REFERENCE, "reference, $ξ_r$"),
         (projected(plan, time, icp), "x", TEXT, "projected ICP, $ξ_p$"),
@@ -279,9 +291,12 @@ def _draw_walk(ax: Axes, plan: IcpPlan, swing: float, transfer: float) -> Array:
         (swing, step, palette.RIGHT, "transfer"),
     ):
         for first in 0.0, step:
-            path = _icps(plan, np.linspace(first + begin, first + end, 60))
-            label = f"ICP plan, {name}" if first == 0.0 else None
-            ax.plot(*path.T, color=color, lw=3.0, label=label)
+            ax.plot(
+                *_icps(plan, np.linspace(first + begin, first + end, 60)).T,
+                color=color,
+                lw=3.0,
+                label=f"ICP plan, {name}" if first == 0.0 else None,
+            )
     return np.linspace(0.0, 2.0 * step, 400)
 
 

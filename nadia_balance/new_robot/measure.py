@@ -57,7 +57,6 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     Raises:
         ValueError: a foot has no sole, or it cannot stand with bent knees.
     """
-    legs = list(anatomy.legs.values())
     soles = _level_frames(robot, anatomy)
     _check_extents(soles, notes)
     heel, toe, half_width = largest_rectangle(
@@ -65,33 +64,22 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     )
     depth = _mean_of_alike(
         [sole.depth for sole in soles.values()],
-        _SAME_DEPTH,
-        f"soles of {' and '.join(soles)}",
-        "under the ankles",
+        tolerance=_SAME_DEPTH,
+        subject=f"soles of {' and '.join(soles)}",
+        place="under the ankles",
     )
-    knees = {leg.knee: _Knee(robot, leg) for leg in legs}
+    knees = {leg.knee: _Knee(robot, leg) for leg in anatomy.legs.values()}
     lengths = [knee.longest() for knee in knees.values()]
     length = _mean_of_alike(
         lengths,
-        _SAME_LENGTH * float(np.mean(lengths)),
-        f"legs to {' and '.join(soles)}",
-        "long",
+        tolerance=_SAME_LENGTH * float(np.mean(lengths)),
+        subject=f"legs to {' and '.join(soles)}",
+        place="long",
     )
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
-    posture = _posture(robot, legs, knees, p_FS)
-    poses = robot.poses(posture)
-    left, right = (poses[foot] @ p_FS for foot in soles)
-    ground = float(0.5 * (left + right)[2])
-    com = float(robot.com(poses)[2])
-    hips, _, ankles = (
-        float(robot.hinges(names, poses)[0][:, 2].mean())
-        for names in zip(*(leg.pitches for leg in legs), strict=True)
-    )
-    geometry = LegGeometry(
-        length=length,
-        ankle_height=ankles - ground,
-        com_above_hip=com - hips,
-        hip_width=float(left[1] - right[1]),
+    posture = _posture(robot, list(anatomy.legs.values()), knees, p_FS=p_FS)
+    com_height, geometry = _geometry(
+        robot, anatomy, posture=posture, p_FS=p_FS, length=length
     )
     step_width = max(geometry.hip_width, 2.0 * half_width + _GAP * length)
     fields: Fields = {
@@ -107,20 +95,11 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
             "half_width": half_width,
             "z": -depth,
         },
-        "com_height": com - ground,
+        "com_height": com_height,
         "step_width": step_width,
         "posture": posture,
         "legs": asdict(geometry),
         "whole_body": _joint_limits(knees),
-    }
-    able, aside = leg_reach(geometry, com - ground, _lean(robot, anatomy))
-    # Nadia's lengths and widths, scaled, at most the legs' reach.
-    nadias = scaled(ReachabilityParams(), size_of(fields))
-    fields["reachability"] = widths(nadias) | {
-        "length_forward": min(nadias.length_forward, able),
-        "length_backward": min(nadias.length_forward, able),
-        "width_nominal": step_width,
-        "width_max": min(nadias.width_max, aside),
     }
     sole = soles[anatomy.feet[Side.LEFT]]
     for line in (
@@ -129,13 +108,59 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         f"{sole.source} shapes have",
         f"legs {length:.3f} m, hips {geometry.hip_width:.3f} m apart, ankles "
         f"{geometry.ankle_height:.3f} m high",
-        f"CoM {com - ground:.3f} m high, soles {step_width:.3f} m apart; arms "
+        f"CoM {com_height:.3f} m high, soles {step_width:.3f} m apart; arms "
         "and spine at 0, or near it",
-        f"legs reach {able:.3f} m forward and back, "
-        f"{aside:.3f} m to the side; used up to Nadia's, by size",
     ):
         notes.add("guessed", line)
+    fields["reachability"] = _reach(
+        fields, geometry, lean=_lean(robot, anatomy), notes=notes
+    )
     return fields
+
+
+def _geometry(
+    robot: Description,
+    anatomy: Anatomy,
+    *,
+    posture: Mapping[str, float],
+    p_FS: Array,
+    length: float,
+) -> tuple[float, LegGeometry]:
+    """Height of the CoM [m] and dimensions of the legs where it stands."""
+    poses = robot.poses(posture)
+    left, right = (poses[foot] @ p_FS for foot in anatomy.feet.values())
+    ground = float(0.5 * (left + right)[2])
+    com = float(robot.com(poses)[2])
+    pitches = [leg.pitches for leg in anatomy.legs.values()]
+    hips, _, ankles = (
+        float(robot.hinges(names, poses)[0][:, 2].mean())
+        for names in zip(*pitches, strict=True)
+    )
+    return com - ground, LegGeometry(
+        length=length,
+        ankle_height=ankles - ground,
+        com_above_hip=com - hips,
+        hip_width=float(left[1] - right[1]),
+    )
+
+
+def _reach(
+    fields: Mapping[str, Any], legs: LegGeometry, *, lean: float, notes: Notes
+) -> dict[str, float]:
+    """Nadia's lengths and widths [m], scaled, at most the legs' reach."""
+    length, width = leg_reach(legs, fields["com_height"], lean)
+    notes.add(
+        "guessed",
+        f"legs reach {length:.3f} m forward and back, {width:.3f} m to the "
+        "side; used up to Nadia's, by size",
+    )
+    nadias = scaled(ReachabilityParams(), size_of(fields))
+    return widths(nadias) | {
+        "length_forward": min(nadias.length_forward, length),
+        "length_backward": min(nadias.length_forward, length),
+        "width_nominal": fields["step_width"],
+        "width_max": min(nadias.width_max, width),
+    }
 
 
 def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
@@ -289,6 +314,7 @@ def _posture(
     robot: Description,
     legs: Sequence[Leg],
     knees: Mapping[str, _Knee],
+    *,
     p_FS: Array,
 ) -> dict[str, float]:
     """Angles [rad] of all joints: knees bent, soles level under the CoM."""
