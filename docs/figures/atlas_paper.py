@@ -136,7 +136,7 @@ def draw_projection() -> Figure:
         y=_ACROSS,
         width=9.0,
     )
-    ahead = _draw_speed_up(ax, plan, time, icp)
+    ahead = _draw_speed_up(ax, plan, time, icp=icp)
     end = plan.at(plan.duration).icp
     start = plan.at(time).icp
     ax.plot(*np.array([start, end]).T, color=FAINT, lw=1.0, ls="--")
@@ -160,7 +160,7 @@ def draw_speed_up() -> Figure:
     for ax, (_, durations, error) in zip(axes, CASES, strict=True):
         plan, time = swing_plan(*durations)
         icp = plan.at(time).icp + error
-        ahead = _draw_speed_up(ax, plan, time, icp)
+        ahead = _draw_speed_up(ax, plan, time, icp=icp)
         rest = icp - plan.at(time + ahead).icp
         _note(
             ax,
@@ -187,8 +187,8 @@ def swing_plan(
     schedule = right_swing(
         FootPoses(_foothold(0), _foothold(-1)),
         map(_foothold, range(1, _STEPS + 1)),
-        swing,
-        transfer,
+        swing=swing,
+        transfer=transfer,
     )
     params = AtlasIcpPlanParams(smooth=smooth, num_previewed_steps=_STEPS)
     return plan_atlas_icp(schedule, params, MODEL), 0.5 * swing
@@ -253,7 +253,9 @@ def _icps(plan: IcpPlan, times: Iterable[float]) -> Array:
     return np.array([plan.at(t).icp for t in times])
 
 
-def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
+def _draw_speed_up(
+    ax: Axes, plan: IcpPlan, time: float, *, icp: Array
+) -> float:
     """Draws the plan, the ICP, and both references; returns Δt [s]."""
     start = plan.at(time).icp
     done = fraction_done(icp, start, plan.at(plan.duration).icp)
@@ -352,7 +354,7 @@ def main(argv: list[str] | None = None) -> int:
     Returns:
         The exit code 0.
     """
-    return draw("atlas", FIGURES, __doc__, argv)
+    return draw("atlas", FIGURES, description=__doc__, argv=argv)
 
 
 if __name__ == "__main__":

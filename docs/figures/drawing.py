@@ -101,7 +101,12 @@ def right_swing(
         duration=swing,
         feet=feet,
         footsteps=tuple(
-            Footstep(side, foothold, transfer, swing)
+            Footstep(
+                side=side,
+                pose=foothold,
+                transfer_duration=transfer,
+                swing_duration=swing,
+            )
             for side, foothold in zip(
                 itertools.cycle([Side.RIGHT, Side.LEFT]), footholds
             )

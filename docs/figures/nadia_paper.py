@@ -128,10 +128,14 @@ def draw_feedback() -> Figure:
         )
         limits = feedback_limits(SOLE, 0.0, params)
         solution = IcpFeedbackQp(params).solve(
-            ERROR, COP_R, np.zeros(2), np.zeros(4), limits
+            ERROR,
+            COP_R,
+            kappa_r=np.zeros(2),
+            previous=np.zeros(4),
+            limits=limits,
         )
         asked = COP_R + params.feedback_gain * ERROR
-        _draw_sole(ax, STANCE, SWING.other, "support polygon")
+        _draw_sole(ax, STANCE, SWING.other, label="support polygon")
         fill(
             ax,
             limits.polygon,
@@ -147,7 +151,7 @@ def draw_feedback() -> Figure:
             (COP_R, "o", palette.COP, "reference"),
             (solution.ecmp, "s", palette.ECMP, "eCMP"),
         ):
-            _draw_point(ax, point, mark, color, label, size=9)
+            _draw_point(ax, point, mark, color=color, label=label, size=9)
         x, y = COP_R + 0.85 * (asked - COP_R) + [-0.014, 0.002]
         note(ax, "$k_p\\,ξ_e$", (x, y))
     share_legend(fig, axes[0])
@@ -167,7 +171,7 @@ def draw_by_reachability() -> Figure:
                 ax,
                 capture_region(_one_step(), _offsets(reach, n)),
                 palette.CAPTURE_REGIONS[n - 1],
-                NAMES[n - 1],
+                label=NAMES[n - 1],
             )
         _draw_feet(ax)
     share_legend(fig, axes[0], _WHEN)
@@ -197,7 +201,7 @@ def draw_growth() -> Figure:
                 alpha=0.0,
                 linewidth=2.0,
             )
-        fill(ax, _one_step(), palette.CAPTURE_REGIONS[0], NAMES[0])
+        fill(ax, _one_step(), palette.CAPTURE_REGIONS[0], label=NAMES[0])
         _draw_feet(ax)
     share_legend(fig, axes[0], _WHEN)
     return fig
@@ -224,10 +228,10 @@ def _around(polygon: Array, count: int) -> Array:
 def _one_step() -> Array:
     """C_1 (k, 2) [m], clipped to the circle only."""
     region = one_step_region(
-        ICP,
-        in_world(USABLE, STANCE, SWING),
-        MODEL.omega,
-        (REMAINING_TIME, LATEST),
+        icp=ICP,
+        foot=in_world(USABLE, STANCE, SWING),
+        omega=MODEL.omega,
+        touchdown=(REMAINING_TIME, LATEST),
     )
     return intersection(region, CIRCLE)
 
@@ -242,8 +246,8 @@ def _draw_feet(ax: Axes) -> None:
         label="where the CoP may be",
         linewidth=0.0,
     )
-    _draw_sole(ax, NOMINAL, SWING, "planned foothold", "--")
-    _draw_point(ax, ICP, "o", palette.ICP, "ICP")
+    _draw_sole(ax, NOMINAL, SWING, label="planned foothold", line="--")
+    _draw_point(ax, ICP, "o", color=palette.ICP, label="ICP")
 
 
 def draw_reach() -> Figure:
@@ -264,7 +268,9 @@ def draw_reach() -> Figure:
     shown = (list(REGIONS), [BASE], [FORWARD], [BACKWARD])
     for ax, names in zip(axes, shown, strict=True):
         for name in names:
-            fill(ax, REGIONS[name], palette.REACH, "reachable", alpha=0.18)
+            fill(
+                ax, REGIONS[name], palette.REACH, label="reachable", alpha=0.18
+            )
         _draw_sole(ax, STANCE, SWING.other)
         _draw_sole(ax, NOMINAL, SWING, line="--")
     _measure_base(axes[1])
@@ -328,7 +334,10 @@ def draw_rules() -> Figure:
     )
     params = CaptureRegionStepAdjusterParams()
     schedule = right_swing(
-        FootPoses(STANCE, NOMINAL), [NOMINAL, STANCE] * 2, 0.4, 0.1
+        FootPoses(STANCE, NOMINAL),
+        [NOMINAL, STANCE] * 2,
+        swing=0.4,
+        transfer=0.1,
     )
     geometry = SwingGeometry(
         schedule, params, MODEL, MECHANISMS["all_with_cross_over"]
@@ -339,26 +348,28 @@ def draw_rules() -> Figure:
             unadjusted(schedule),
             landing,
             params,
-            ControllerParams().control_period,
+            period=ControllerParams().control_period,
         )
         for name, region in geometry.regions.items():
             if name != adjusted.region:
                 fill(ax, region, palette.REACH, alpha=0.0, linewidth=0.8)
         reach = geometry.regions[adjusted.region]
         captures = landing.capture_region
-        fill(ax, reach, palette.REACH, "reachable", alpha=0.18)
-        fill(ax, captures, palette.CAPTURE_REGIONS[-1], "capture region C₃")
+        fill(ax, reach, palette.REACH, label="reachable", alpha=0.18)
+        fill(
+            ax, captures, palette.CAPTURE_REGIONS[-1], label="capture region C₃"
+        )
         fill(
             ax,
             intersection(reach, captures),
             palette.CAPTURE_REGIONS[0],
-            "what they share",
+            label="what they share",
             alpha=0.45,
         )
         _draw_sole(ax, STANCE, SWING.other)
-        _draw_sole(ax, NOMINAL, SWING, "planned foothold", "--")
-        _draw_sole(ax, adjusted.pose, SWING, "adjusted foothold")
-        _draw_point(ax, np.array(icp), "o", palette.ICP, "ICP")
+        _draw_sole(ax, NOMINAL, SWING, label="planned foothold", line="--")
+        _draw_sole(ax, adjusted.pose, SWING, label="adjusted foothold")
+        _draw_point(ax, np.array(icp), "o", color=palette.ICP, label="ICP")
     share_legend(fig, axes[0])
     return fig
 
@@ -378,7 +389,7 @@ def _draw_sole(
 
 
 def _draw_point(
-    ax: Axes, point: Array, mark: str, color: str, label: str, size: int = 7
+    ax: Axes, point: Array, mark: str, *, color: str, label: str, size: int = 7
 ) -> None:
     ax.plot(
         *point, mark, color=color, ls="none", mec="white", ms=size, label=label
@@ -411,7 +422,7 @@ def main(argv: list[str] | None = None) -> int:
     Returns:
         The exit code 0.
     """
-    return draw("nadia", FIGURES, __doc__, argv)
+    return draw("nadia", FIGURES, description=__doc__, argv=argv)
 
 
 if __name__ == "__main__":

@@ -166,9 +166,11 @@ def _write(args: argparse.Namespace) -> Path:
         launch_chromium(playwright) as browser,
         appearing(out.parent) as drafts,
     ):
-        page = open_replay(browser, args.run / "replay.html", times, view)
+        page = open_replay(
+            browser, args.run / "replay.html", times=times, view=view
+        )
         write = write_gif if args.gif else write_strip
-        write(page, times, view, drafts / out.name)
+        write(page, times, view, out=drafts / out.name)
     return out
 
 
@@ -288,7 +290,8 @@ def write_strip(
         out: file of the strip.
     """
     pictures = [
-        _picture(page, time, view, _CAPTION, f"{time:.2f} s") for time in times
+        _picture(page, time, view, style=_CAPTION, caption=f"{time:.2f} s")
+        for time in times
     ]
     width = len(times) * (view.width + _GAP) - _GAP
     page.set_viewport_size({"width": width, "height": view.height})
@@ -315,7 +318,7 @@ def write_gif(
     """
     first, *others = (
         # Which keeps rare colours.
-        _picture(page, time, view, _WORDS).quantize(
+        _picture(page, time, view, style=_WORDS).quantize(
             method=Image.Quantize.MAXCOVERAGE
         )
         for time in times

@@ -129,7 +129,7 @@ def find_anatomy(
     for leg in legs:
         leg.pitches = _pitches(robot, leg, lateral)
     forward = np.cross(lateral, up)
-    sign = _sign(robot, legs, named, forward)
+    sign = _sign(robot, legs, named, forward=forward)
     sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
     torso = (
         robot.holder(named["torso"])
@@ -156,7 +156,7 @@ def find_anatomy(
 
 
 def _sign(
-    robot: Description, legs: Sequence[Leg], named: Names, forward: Array
+    robot: Description, legs: Sequence[Leg], named: Names, *, forward: Array
 ) -> float:
     """+1 if `forward` (3,) is, and legs[0] the left one; -1 if not."""
     for name, side in FEET.items():

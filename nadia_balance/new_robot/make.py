@@ -82,8 +82,8 @@ def make_robot(
     """
     notes = Notes()
     robot = _read(file, package_roots, notes)
-    legs = _clean(robot, fix, named or {}, notes)
-    anatomy = find_anatomy(robot, legs, named or {}, notes)
+    legs = _clean(robot, fix, named=named or {}, notes=notes)
+    anatomy = find_anatomy(robot, legs, named=named or {}, notes=notes)
     fields = measure(robot, anatomy, notes)
     _doubt(robot, anatomy, notes)
     if armature:
@@ -92,7 +92,7 @@ def make_robot(
     if not all(joint.speed for joint in robot.joints.values()):
         fields["max_joint_speed"] = _SPEED
     folder.mkdir(parents=True, exist_ok=True)
-    ignored = fit_capsules(robot, anatomy, fields, notes)
+    ignored = fit_capsules(robot, anatomy, fields=fields, notes=notes)
     write_urdf(robot, ignored, folder)
     write_yaml(folder, fields)
     return notes
@@ -105,11 +105,11 @@ def _read(file: Path, roots: Sequence[Path], notes: Notes) -> Description:
         raise ValueError(f"{file}: must be XML ({error})") from None
     if top.tag == "mujoco":
         return read_mjcf(file, notes)
-    return read_urdf(top, file, roots, notes)
+    return read_urdf(top, file, roots=roots, notes=notes)
 
 
 def _clean(
-    robot: Description, fix: Sequence[str], named: Names, notes: Notes
+    robot: Description, fix: Sequence[str], *, named: Names, notes: Notes
 ) -> list[Leg]:
     """Welds joints that are not driven, adds masses; returns the legs."""
     robot.weld(dict.fromkeys(_fixed(robot, fix, notes)))

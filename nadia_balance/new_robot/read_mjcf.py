@@ -66,11 +66,13 @@ def read_mjcf(file: Path, notes: Notes) -> Description:
     links = {"world": Link("world")}
     joints: dict[str, Joint] = {}
     for body in range(1, model.nbody):
-        for joint in _chain(model, names, origins, body):
+        for joint in _chain(model, names, origins, body=body):
             joints[joint.name] = joint
             links[joint.child] = Link(joint.child)
         link = links.setdefault(names[body], Link(names[body]))
-        link.shapes = list(_shapes(model, body, origins[body], paired))
+        link.shapes = list(
+            _shapes(model, body, origin=origins[body], paired=paired)
+        )
         link.M = _inertia_of_body(model, body, origins[body])
     _mark_mimics(model, joints)
     let_go(links, joints, notes)
@@ -130,7 +132,7 @@ def _inertia_of_body(
 
 
 def _chain(
-    model: mujoco.MjModel, names: Sequence[str], origins: Array, body: int
+    model: mujoco.MjModel, names: Sequence[str], origins: Array, *, body: int
 ) -> Iterator[Joint]:
     """Yields the joints from a body's parent to it; a weld if it has none."""
     link = names[body]
@@ -138,7 +140,9 @@ def _chain(
     holder = names[parent]
     X = _pose(model.body_pos[body] - origins[parent], model.body_quat[body])
     if not model.body_jntnum[body]:
-        yield Joint(f"{link}_weld", "weld", holder, link, X)
+        yield Joint(
+            name=f"{link}_weld", type="weld", parent=holder, child=link, X_PC=X
+        )
     joints = np.flatnonzero(model.jnt_bodyid == body)
     before: Vector = np.zeros(3)  # the joint before, in the body
     for i in joints[model.jnt_type[joints] != mjtJoint.mjJNT_FREE]:
@@ -187,7 +191,7 @@ def _effort(model: mujoco.MjModel, joint: int) -> float:
 
 
 def _shapes(
-    model: mujoco.MjModel, body: int, origin: Array, paired: set[str]
+    model: mujoco.MjModel, body: int, *, origin: Array, paired: set[str]
 ) -> Iterator[Shape]:
     """Yields the shapes of a body; what MuJoCo lets touch is colliding."""
     for i in np.flatnonzero(model.geom_bodyid == body):

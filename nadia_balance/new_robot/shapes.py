@@ -126,7 +126,9 @@ def sole_plane(
         area = ConvexHull(flat @ across.T).volume
     except (QhullError, ValueError):  # collinear, or too few
         return None
-    return SolePlane(normal, depth, flat, area, source)
+    return SolePlane(
+        down=normal, depth=depth, points=flat, area=area, source=source
+    )
 
 
 def _flattest_normal(shapes: Sequence[Shape], down: Array) -> Array | None:
