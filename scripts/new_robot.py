@@ -24,33 +24,27 @@ MADE = "robot.urdf", "robot.yaml"
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns the exit code of --help."""
+    """Makes the robot's folder and simulates a walk.
+
+    Args:
+        argv: command line; by default the program's.
+
+    Returns:
+        The exit code of --help.
+    """
     parser = _parser()
     args = parser.parse_args(argv)
     with parser.refusing():
-        for root in args.package_root or []:
-            if not root.is_dir():
-                raise ValueError(f"package-root = {root}: must be a folder")
-        args.file.stat()  # the error names it as the user did
-        source = args.file.resolve()
-        for path in (args.out / name for name in MADE):
-            if path.resolve() == source:
-                raise ValueError(f"out = {args.out}: must not be that of FILE")
-            if path.exists() and not args.force:
-                raise ValueError(f"{path}: exists; --force overwrites it")
-        known = args.out.exists()
+        _check_paths(args)
+        is_new = not args.out.exists()
         folder = prepare_folder(args.out)
     try:
         with appearing(folder) as drafts:
             with parser.refusing():
                 _make(args, drafts)
-            if (meshes := drafts / "meshes").exists():
-                (folder / "meshes").mkdir(exist_ok=True)
-                for mesh in meshes.iterdir():
-                    mesh.replace(folder / "meshes" / mesh.name)
-                meshes.rmdir()
+            _replace_meshes(drafts / "meshes", folder / "meshes")
     finally:
-        if not known and not any(folder.iterdir()):
+        if is_new and not any(folder.iterdir()):
             folder.rmdir()
     command_line.say(f"wrote {folder}/{{{', '.join(MADE)}}}")
     if args.no_walk:
@@ -58,23 +52,51 @@ def main(argv: list[str] | None = None) -> int:
     return _walk(str(folder / "robot.yaml"), args.fidelity)
 
 
+def _check_paths(args: argparse.Namespace) -> None:
+    """Refuses folders that are missing, and files that would be lost."""
+    for root in args.package_root or []:
+        if not root.is_dir():
+            raise ValueError(f"package-root = {root}: must be a folder")
+    args.file.stat()  # the error names it as the user did
+    for path in (args.out / name for name in MADE):
+        if path.resolve() == args.file.resolve():
+            raise ValueError(f"out = {args.out}: must not be that of FILE")
+        if path.exists() and not args.force:
+            raise ValueError(f"{path}: exists; --force overwrites it")
+
+
+def _replace_meshes(drafts: Path, folder: Path) -> None:
+    if drafts.exists():
+        folder.mkdir(exist_ok=True)
+        for mesh in drafts.iterdir():
+            mesh.replace(folder / mesh.name)
+        drafts.rmdir()
+
+
 def _make(args: argparse.Namespace, folder: Path) -> None:
     """Makes the robot in `folder` and says how; ValueError: it cannot be."""
     try:
         from nadia_balance.new_robot.make import make_robot
     except ImportError as error:
-        install = "pip install 'nadia_balance[robots]'"
-        raise ValueError(f"{error.name} is missing: {install}") from None
-    given = {"package_roots": args.package_root or [], "fix": args.fix or []}
-    given["named"] = {name: getattr(args, name) for name in NAMES}
-    notes = make_robot(args.file, folder, armature=args.armature, **given)
+        raise ValueError(
+            f"{error.name} is missing: pip install 'nadia_balance[robots]'"
+        ) from None
+    notes = make_robot(
+        args.file,
+        folder,
+        fix=args.fix or [],
+        package_roots=args.package_root or [],
+        armature=args.armature,
+        named={name: getattr(args, name) for name in NAMES},
+    )
     command_line.say(*notes.lines())
     try:
-        made = load_robot(str(folder / "robot.yaml"), args.fidelity)
+        robot = load_robot(str(folder / "robot.yaml"), args.fidelity)
     except ValueError as error:
-        words = str(error).replace(str(folder), str(args.out))
-        raise ValueError(words) from None
-    command_line.say(_fit_reach(made, folder), *too_weak(made))
+        raise ValueError(
+            str(error).replace(str(folder), str(args.out))
+        ) from None
+    command_line.say(_fit_reach(robot, folder), *too_weak(robot))
 
 
 def _fit_reach(robot: RobotModel, folder: Path) -> str:
@@ -98,47 +120,79 @@ def _fit_reach(robot: RobotModel, folder: Path) -> str:
 
 
 def _parser() -> command_line.CommandLine:
-    codes = "0 it walks, 1 not, 2 bad input, 4 cannot write, 130 Ctrl-C."
-    parser = command_line.CommandLine(__file__, __doc__, codes)
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 it walks, 1 not, 2 bad input, 4 cannot write, 130 Ctrl-C.",
+    )
     parser.add_argument("file", type=Path, help="a URDF or an MJCF")
-    add, path = parser.add_argument, command_line.place
-    add("--out", type=path, required=True, help="the folder")
-    add("--force", action="store_true", help="overwrite a robot in it")
-    about = "weld the joints of these names; may come several times"
-    add("--fix", action="append", metavar="REGEX", help=about)
-    several = {"action": "append", "type": path, "metavar": "DIR"}
-    about = "has the packages of package://; so do the folders above FILE"
-    add("--package-root", **several, help=about)
-    about = "an MJCF or URDF with the rotor inertias, by joint names"
-    add("--armature", type=path, metavar="FILE", help=about)
-    which = {"choices": FIDELITIES, "default": "realistic"}
-    add("--fidelity", **which, help="of the walk")
-    add("--no-walk", action="store_true", help="make the folder only")
-    add = parser.add_argument_group("names").add_argument
+    parser.add_argument(
+        "--out", type=command_line.place, required=True, help="the folder"
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite a robot in it"
+    )
+    parser.add_argument(
+        "--fix",
+        action="append",
+        metavar="REGEX",
+        help="weld the joints of these names; may come several times",
+    )
+    parser.add_argument(
+        "--package-root",
+        action="append",
+        type=command_line.place,
+        metavar="DIR",
+        help="has the packages of package://; so do the folders above FILE",
+    )
+    parser.add_argument(
+        "--armature",
+        type=command_line.place,
+        metavar="FILE",
+        help="an MJCF or URDF with the rotor inertias, by joint names",
+    )
+    parser.add_argument(
+        "--fidelity",
+        choices=FIDELITIES,
+        default="realistic",
+        help="of the walk",
+    )
+    parser.add_argument(
+        "--no-walk", action="store_true", help="make the folder only"
+    )
+    names = parser.add_argument_group("names")
     for name in NAMES:
-        flag = f"--{name.replace('_', '-')}"
-        add(flag, metavar="LINK", help="default: it is found")
+        names.add_argument(
+            f"--{name.replace('_', '-')}",
+            metavar="LINK",
+            help="default: it is found",
+        )
     return parser
 
 
 def _walk(robot: str, fidelity: str) -> int:
     """Simulates walking in place and prints the result; returns the code."""
-    which = {"robot": robot, "fidelity": fidelity}
-    scenario = load_scenario("walk_in_place", text=WALK, **which)
+    scenario = load_scenario(
+        "walk_in_place", text=WALK, robot=robot, fidelity=fidelity
+    )
     try:
         diagram = HumanoidDiagram(scenario)
     except ValueError as error:  # it may be too small for the parameters
         command_line.say(f"DID NOT WALK: {error}")
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
-    found = run.summary
-    loads = torque_ratio(run.logs), joint_speed_ratio(run.logs)
-    failed = "" if found["recovered"] else f": {found['reason']}"
+    summary = run.summary
+    failed = "" if summary["recovered"] else f": {summary['reason']}"
     command_line.say(
-        f"{'DID NOT WALK' if failed else 'WALKED'}: {found['steps_taken']} "
-        f"steps in place, max ICP error {1e3 * found['max_icp_error_m']:.1f} "
-        f"mm, max torque {100 * found['max_torque_ratio']:.0f} %{failed}",
-        *margins(diagram.robot, *np.max(loads, axis=1, initial=0.0)),
+        f"{'DID NOT WALK' if failed else 'WALKED'}: {summary['steps_taken']} "
+        f"steps in place, max ICP error "
+        f"{1e3 * summary['max_icp_error_m']:.1f} mm, max torque "
+        f"{100 * summary['max_torque_ratio']:.0f} %{failed}",
+        *margins(
+            diagram.robot,
+            np.max(torque_ratio(run.logs), axis=0, initial=0.0),
+            np.max(joint_speed_ratio(run.logs), axis=0, initial=0.0),
+        ),
     )
     return command_line.FAILED if failed else command_line.DONE
 

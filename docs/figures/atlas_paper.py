@@ -40,57 +40,103 @@ CASES = (
     ("fast steps, error forward", FAST, FORWARD),
     ("fast steps, error to the side", FAST, ASIDE),
 )
-# Least length [m] of the way in Eq. 10: it vanishes as a transfer ends.
-_SHORT_WAY = 0.01
+# Least length [m] of icp_r -> icp_end in Eq. 10: it goes to 0 in a transfer.
+_SHORTEST = 0.01
 _STEPS = 6  # steps of the walk; its end has no effect on the figures
-# Limits of the axes for one step in a row, and for two in a column [m].
-_STEP = {"x": (-0.2, 0.75), "y": (-0.24, 0.24)}
-_TWO_STEPS = {"x": (-0.2, 1.25), "y": (-0.24, 0.24), "width": 9.0}
+# Limits of the axes [m]: along one step, along two, and across.
+_ONE_STEP = (-0.2, 0.75)
+_TWO_STEPS = (-0.2, 1.25)
+_ACROSS = (-0.24, 0.24)
 
 
 def draw_plans() -> Figure:
-    """Fig. 2: CMPs in heel and toe, with and without jumps between them."""
-    titles = "(a) the CMP jumps", "(b) the CMP is shifted"
-    fig, axes = plan_views(*titles, rows=len(titles), **_TWO_STEPS)
+    """Draws Fig. 2: CMPs in heel and toe, with and without jumps between them.
+
+    Returns:
+        The figure.
+    """
+    fig, axes = plan_views(
+        "(a) the CMP jumps",
+        "(b) the CMP is shifted",
+        x=_TWO_STEPS,
+        y=_ACROSS,
+        rows=2,
+        width=9.0,
+    )
     for ax, smooth in zip(axes, (False, True), strict=True):
         plan, _ = swing_plan(*FAST, smooth)
         times = _draw_walk(ax, plan, *FAST)
         if smooth:
-            path = np.array([plan.at(t).ecmp for t in times])
-            ax.plot(*path.T, color=palette.ECMP, lw=1.0, label="CMP")
-        knots = plan.knots[plan.knots <= times[-1]]
-        for points, mark, color, size, label in (
-            (plan.cop_waypoints, "o", palette.ECMP, 6, "CMPs of heel and toe"),
-            (_icps(plan, knots), ".", palette.PUSH, 9, "knots"),
-        ):
-            look = {"color": color, "ms": size, "label": label, "ls": "none"}
-            ax.plot(*np.transpose(points), mark, **look)
+            ax.plot(
+                *np.transpose([plan.at(t).ecmp for t in times]),
+                color=palette.ECMP,
+                lw=1.0,
+                label="CMP",
+            )
+        ax.plot(
+            *np.transpose(plan.cop_waypoints),
+            "o",
+            color=palette.ECMP,
+            ms=6,
+            label="CMPs of heel and toe",
+            ls="none",
+        )
+        ax.plot(
+            *_icps(plan, plan.knots[plan.knots <= times[-1]]).T,
+            ".",
+            color=palette.PUSH,
+            ms=9,
+            label="knots",
+            ls="none",
+        )
     share_legend(fig, axes[-1])
     return fig
 
 
 def draw_speeds() -> Figure:
-    """Fig. 3: ICP plans of slow and fast steps."""
-    titles = [f"swing {a:g} s, transfer {b:g} s" for a, b in SPEEDS]
-    fig, axes = plan_views(*titles, rows=len(titles), **_TWO_STEPS)
+    """Draws Fig. 3: ICP plans of slow and fast steps.
+
+    Returns:
+        The figure.
+    """
+    fig, axes = plan_views(
+        *(f"swing {a:g} s, transfer {b:g} s" for a, b in SPEEDS),
+        x=_TWO_STEPS,
+        y=_ACROSS,
+        rows=len(SPEEDS),
+        width=9.0,
+    )
     for ax, durations in zip(axes, SPEEDS, strict=True):
         plan, middle = swing_plan(*durations)
         _draw_walk(ax, plan, *durations)
-        middles = middle, middle + sum(durations)
-        icps = _icps(plan, middles)
-        look = {"color": palette.ICP, "ms": 9, "mew": 2.5, "ls": "none"}
-        ax.plot(*icps.T, "x", **look, label="half-way through a swing")
+        ax.plot(
+            *_icps(plan, (middle, middle + sum(durations))).T,
+            "x",
+            color=palette.ICP,
+            ms=9,
+            mew=2.5,
+            ls="none",
+            label="half-way through a swing",
+        )
     share_legend(fig, axes[-1])
     return fig
 
 
 def draw_projection() -> Figure:
-    """Fig. 4: projection of the ICP on the line to the plan's end."""
+    """Draws Fig. 4: projection of the ICP on the line to the plan's end.
+
+    Returns:
+        The figure.
+    """
     plan, time = swing_plan(*FAST)
     icp = plan.at(time).icp + [0.04, -0.11]
-    title = "How far the plan is advanced (Eqs. 10 to 12)"
-    fig, (ax,) = plan_views(title, **_STEP, width=9.0)
-    ahead = _draw_speed_up(ax, plan, time, icp)
+    fig, (ax,) = plan_views(
+        "How far the plan is advanced (Eqs. 10 to 12)",
+        x=_ONE_STEP,
+        y=_ACROSS,
+        width=9.0,
+    )
+    ahead = _draw_speed_up(ax, plan, time, icp=icp)
     end = plan.at(plan.duration).icp
     start = plan.at(time).icp
     ax.plot(*np.array([start, end]).T, color=FAINT, lw=1.0, ls="--")
@@ -103,15 +149,24 @@ def draw_projection() -> Figure:
 
 
 def draw_speed_up() -> Figure:
-    """Fig. 5: the ICP error that remains after the plan is sped up."""
-    fig, axes = plan_views(*(name for name, _, _ in CASES), **_STEP)
+    """Draws Fig. 5: the ICP error that remains after the plan is sped up.
+
+    Returns:
+        The figure.
+    """
+    fig, axes = plan_views(
+        *(name for name, _, _ in CASES), x=_ONE_STEP, y=_ACROSS
+    )
     for ax, (_, durations, error) in zip(axes, CASES, strict=True):
         plan, time = swing_plan(*durations)
         icp = plan.at(time).icp + error
-        ahead = _draw_speed_up(ax, plan, time, icp)
+        ahead = _draw_speed_up(ax, plan, time, icp=icp)
         rest = icp - plan.at(time + ahead).icp
-        before, after = 100.0 * math.hypot(*error), 100.0 * math.hypot(*rest)
-        _note(ax, f"Δt = {ahead:.2f} s\nerror {before:.0f} → {after:.1f} cm")
+        _note(
+            ax,
+            f"Δt = {ahead:.2f} s\nerror {100.0 * math.hypot(*error):.0f} → "
+            f"{100.0 * math.hypot(*rest):.1f} cm",
+        )
     share_legend(fig, axes[0])
     return fig
 
@@ -119,40 +174,77 @@ def draw_speed_up() -> Figure:
 def swing_plan(
     swing: float, transfer: float, smooth: bool = True
 ) -> tuple[IcpPlan, float]:
-    """The plan of a right swing in a steady walk, and its mid-time [s]."""
-    feet = FootPoses(_foothold(0), _foothold(-1))
-    footholds = map(_foothold, range(1, _STEPS + 1))
-    schedule = right_swing(feet, footholds, swing, transfer)
+    """Plans a steady walk from the beginning of a right swing on.
+
+    Args:
+        swing: duration of swings [s].
+        transfer: duration of transfers [s].
+        smooth: without jumps of the CMP.
+
+    Returns:
+        The plan, and the middle of the swing [s].
+    """
+    schedule = right_swing(
+        FootPoses(_foothold(0), _foothold(-1)),
+        map(_foothold, range(1, _STEPS + 1)),
+        swing=swing,
+        transfer=transfer,
+    )
     params = AtlasIcpPlanParams(smooth=smooth, num_previewed_steps=_STEPS)
     return plan_atlas_icp(schedule, params, MODEL), 0.5 * swing
 
 
 def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
-    """Returns the share in [0, 1] of icp_r -> icp_end that the ICP has passed.
+    """Returns the share of icp_r -> icp_end that the ICP has passed.
 
-    Points (2,) [m] in W.  The share goes to 0 as icp_end approaches icp_r.
+    It is (icp - icp_r)^T (icp_end - icp_r) / |icp_end - icp_r|^2, and goes to 0
+    as icp_end approaches icp_r.
     Erratum: Atlas paper, Eq. 10 must divide by the squared norm.
+
+    Args:
+        icp: ICP (2,) in W [m].
+        icp_r: its reference (2,) in W [m].
+        icp_end: reference (2,) at the end of the phase, in W [m].
+
+    Returns:
+        The share in [0, 1].
     """
-    way = icp_end - icp_r
-    length2 = max(float(way @ way), _SHORT_WAY**2)
-    return min(max(float((icp - icp_r) @ way) / length2, 0.0), 1.0)
+    span = icp_end - icp_r
+    length2 = max(float(span @ span), _SHORTEST**2)
+    return min(max(float((icp - icp_r) @ span) / length2, 0.0), 1.0)
 
 
 def time_ahead(fraction: float, remaining: float, omega: float) -> float:
-    """Returns the time [s] by which the ICP leads, in [0, remaining] (Eq. 16).
+    """Returns the time by which the ICP leads (Eq. 16).
 
-    `fraction` in [0, 1] is the result of `fraction_done` for the plan's ICP at
-    the end of the phase, which is `remaining` [s] away; omega [rad/s].
     Erratum: the logarithm of the Nadia paper's Eq. 16 is of the scalar ratio
     of two collinear vectors.  With the constant eCMP that leads from icp_r to
     icp_end in the remaining time, that ratio is 1 + fraction (e^(w T) - 1).
+
+    Args:
+        fraction: result of `fraction_done`, in [0, 1].
+        remaining: T, time until the end of the phase [s].
+        omega: w of the pendulum [rad/s].
+
+    Returns:
+        The time in [0, remaining] [s].
     """
     return math.log1p(fraction * math.expm1(omega * remaining)) / omega
 
 
 def projected(plan: IcpPlan, time: float, icp: Array) -> Array:
-    """The point xi_p (2,) [m] of Eq. 10."""
-    start, end = plan.at(time).icp, plan.at(plan.duration).icp
+    """Returns the point xi_p of Eq. 10.
+
+    Args:
+        plan: of the phase.
+        time: since its beginning [s].
+        icp: ICP (2,) in W [m].
+
+    Returns:
+        The point (2,) in W [m].
+    """
+    start = plan.at(time).icp
+    end = plan.at(plan.duration).icp
     return start + fraction_done(icp, start, end) * (end - start)
 
 
@@ -161,21 +253,31 @@ def _icps(plan: IcpPlan, times: Iterable[float]) -> Array:
     return np.array([plan.at(t).icp for t in times])
 
 
-def _draw_speed_up(ax: Axes, plan: IcpPlan, time: float, icp: Array) -> float:
+def _draw_speed_up(
+    ax: Axes, plan: IcpPlan, time: float, *, icp: Array
+) -> float:
     """Draws the plan, the ICP, and both references; returns Δt [s]."""
-    start, goal = plan.at(time).icp, projected(plan, time, icp)
+    start = plan.at(time).icp
     done = fraction_done(icp, start, plan.at(plan.duration).icp)
     ahead = time_ahead(done, plan.duration - time, MODEL.omega)
+    sped_up = plan.at(time + ahead).icp
     _draw_soles(ax, 2)
-    times = np.linspace(0.0, plan.duration, 60)
-    path = _icps(plan, times)
-    ax.plot(*path.T, color=palette.ICP_REFERENCE, lw=3.0, label="ICP plan")
-    rest = np.array([plan.at(time + ahead).icp, icp])
-    ax.plot(*rest.T, color=palette.PUSH, lw=2.0, label="error that is left")
+    ax.plot(
+        *_icps(plan, np.linspace(0.0, plan.duration, 60)).T,
+        color=palette.ICP_REFERENCE,
+        lw=3.0,
+        label="ICP plan",
+    )
+    ax.plot(
+        *np.array([sped_up, icp]).T,
+        color=palette.PUSH,
+        lw=2.0,
+        label="error that is left",
+    )
     for point, mark, color, label in (
         (start, "o", palette.ICP_REFERENCE, "reference, $ξ_r$"),
-        (goal, "x", TEXT, "projected ICP, $ξ_p$"),
-        (plan.at(time + ahead).icp, "*", palette.COM, "sped-up reference"),
+        (projected(plan, time, icp), "x", TEXT, "projected ICP, $ξ_p$"),
+        (sped_up, "*", palette.COM, "sped-up reference"),
         (icp, "o", palette.ICP, "ICP, $ξ$"),
     ):
         ax.plot(*point, mark, color=color, ms=8, label=label, ls="none")
@@ -191,24 +293,30 @@ def _draw_walk(ax: Axes, plan: IcpPlan, swing: float, transfer: float) -> Array:
         (swing, step, palette.RIGHT, "transfer"),
     ):
         for first in 0.0, step:
-            times = np.linspace(first + begin, first + end, 60)
-            path = _icps(plan, times)
-            label = f"ICP plan, {name}" if first == 0.0 else None
-            ax.plot(*path.T, color=color, lw=3.0, label=label)
+            ax.plot(
+                *_icps(plan, np.linspace(first + begin, first + end, 60)).T,
+                color=color,
+                lw=3.0,
+                label=f"ICP plan, {name}" if first == 0.0 else None,
+            )
     return np.linspace(0.0, 2.0 * step, 400)
 
 
 def _draw_soles(ax: Axes, count: int) -> None:
     """Draws the stance foot and the next footholds."""
     for n in range(count):
-        alpha, line = (0.0, "--") if n else (0.12, "-")
-        corners = _foothold(n).to_world(MODEL.sole)
-        draw_sole(ax, corners, _side(n), alpha=alpha, linestyle=line)
+        draw_sole(
+            ax,
+            _foothold(n).to_world(MODEL.sole),
+            _side(n),
+            alpha=0.0 if n else 0.12,
+            linestyle="--" if n else "-",
+        )
 
 
 def _foothold(step: int) -> FootPose:
     y = _side(step).sign * 0.5 * MODEL.step_width
-    return FootPose([step * LENGTH, y, 0.0])
+    return FootPose(np.array([step * LENGTH, y, 0.0]))
 
 
 def _side(step: int) -> Side:
@@ -216,8 +324,16 @@ def _side(step: int) -> Side:
 
 
 def _note(ax: Axes, text: str) -> None:
-    place = {"xycoords": "axes fraction", "ha": "left", "va": "bottom"}
-    note(ax, text, (0.03, 0.05), fontsize=9, **place)
+    """Writes a text in the corner of the axes."""
+    note(
+        ax,
+        text,
+        (0.03, 0.05),
+        ha="left",
+        va="bottom",
+        fontsize=9,
+        xycoords="axes fraction",
+    )
 
 
 FIGURES = {
@@ -230,8 +346,15 @@ FIGURES = {
 
 @program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv` and returns 0; bad input exits."""
-    return draw("atlas", FIGURES, __doc__, argv)
+    """Draws the figures; bad input exits.
+
+    Args:
+        argv: command line; by default the program's.
+
+    Returns:
+        The exit code 0.
+    """
+    return draw("atlas", FIGURES, description=__doc__, argv=argv)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import itertools
 from collections.abc import Callable, Iterable
+from typing import Any, Literal, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -36,13 +37,23 @@ def draw(
     description: str | None,
     argv: list[str] | None,
 ) -> int:
-    """Draws those `figures` of a `paper` that the command line `argv` names.
+    """Draws the figures that a command line names; bad input exits.
 
-    Returns 0; bad input exits.
+    Args:
+        paper: name in the files' names.
+        figures: functions that draw, by number in the paper.
+        description: of the program, for its help.
+        argv: command line; by default the program's.
+
+    Returns:
+        The exit code 0.
     """
-    codes = "0 drawn, 1 disk failed, 2 bad input, 130 Ctrl-C."
-    whole = {"formatter_class": argparse.RawDescriptionHelpFormatter}
-    parser = CommandLine(f"{paper}_paper.py", description, codes, **whole)
+    parser = CommandLine(
+        f"{paper}_paper.py",
+        description or "",
+        "0 drawn, 1 disk failed, 2 bad input, 130 Ctrl-C.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument(
         "--figure",
         nargs="+",
@@ -57,7 +68,7 @@ def draw(
     )
     args = parser.parse_args(argv)
     names = [f"{paper}_figure_{number}.png" for number in args.figure]
-    with contextlib.ExitStack() as held, mpl.rc_context(RC):
+    with contextlib.ExitStack() as held, mpl.rc_context(cast(Any, RC)):
         with parser.refusing():
             folder = held.enter_context(new_folder(args.out, paper, names))
         with appearing(folder) as drafts:
@@ -73,23 +84,34 @@ def right_swing(
     swing: float,
     transfer: float,
 ) -> ContactSchedule:
-    """The beginning of a right swing to the first of the `footholds`.
+    """Makes the schedule at the beginning of a right swing.
 
-    All swings and transfers take `swing` and `transfer` [s].
+    Args:
+        feet: where they stand, or stood.
+        footholds: of the steps; the first is that of the swing.
+        swing: duration of all swings [s].
+        transfer: duration of all transfers [s].
+
+    Returns:
+        The contacts from the beginning of the swing on.
     """
-    nothing = np.zeros(2)
     return ContactSchedule(
         phase=Phase.SWING,
         support_side=Side.LEFT,
         duration=swing,
         feet=feet,
         footsteps=tuple(
-            Footstep(side, foothold, transfer, swing)
+            Footstep(
+                side=side,
+                pose=foothold,
+                transfer_duration=transfer,
+                swing_duration=swing,
+            )
             for side, foothold in zip(
                 itertools.cycle([Side.RIGHT, Side.LEFT]), footholds
             )
         ),
-        start=ReferencePoint(nothing, nothing, nothing),
+        start=ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
     )
 
 
@@ -100,7 +122,18 @@ def plan_views(
     rows: int = 1,
     width: float = 12.5,
 ) -> tuple[Figure, list[Axes]]:
-    """Axes with limits x and y [m] in a figure that is `width` wide [in]."""
+    """Makes a figure of axes in rows, each a view from above.
+
+    Args:
+        *titles: one of each axes.
+        x: limits forward [m].
+        y: limits to the left [m].
+        rows: number of rows.
+        width: of the figure [in].
+
+    Returns:
+        The figure, and its axes row by row.
+    """
     columns = len(titles) // rows
     scale = (width - 0.8) / columns / (x[1] - x[0])
     height = rows * (scale * (y[1] - y[0]) + 0.4) + 0.9
@@ -115,13 +148,46 @@ def plan_views(
 def share_legend(
     fig: Figure, ax: Axes, title: str = "", columns: int | None = None
 ) -> None:
-    """One legend for the whole figure, below it; `title` above it."""
+    """Draws one legend for the whole figure, below it.
+
+    Args:
+        fig: gets the legend.
+        ax: axes of which it shows the labels.
+        title: of the figure.
+        columns: of the legend; by default one row.
+    """
     handles, names = ax.get_legend_handles_labels()
     key(fig, [*dict(zip(names, handles, strict=True)).values()], columns)
     fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=FAINT)
 
 
-def note(ax: Axes, text: str, at: tuple[float, float], **options) -> None:
-    """Writes a `text` at a point [m], or elsewhere by `options`."""
-    options = {"color": TEXT, "fontsize": 8.5, "ha": "center", **options}
-    ax.annotate(text, at, **options)
+def note(
+    ax: Axes,
+    text: str,
+    point: tuple[float, float],
+    *,
+    ha: Literal["left", "center", "right"] = "center",
+    va: Literal["bottom", "baseline", "center"] = "baseline",
+    fontsize: float = 8.5,
+    xycoords: str = "data",
+) -> None:
+    """Writes a text.
+
+    Args:
+        ax: axes to write in.
+        text: in mathtext.
+        point: where it is, by default [m].
+        ha: horizontal alignment.
+        va: vertical alignment.
+        fontsize: [pt].
+        xycoords: what `point` is in, as in `Axes.annotate`.
+    """
+    ax.annotate(
+        text,
+        point,
+        color=TEXT,
+        ha=ha,
+        va=va,
+        fontsize=fontsize,
+        xycoords=xycoords,
+    )

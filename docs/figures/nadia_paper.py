@@ -19,15 +19,29 @@ from matplotlib.figure import Figure
 from drawing import draw, note, plan_views, right_swing, share_legend
 from nadia_balance import palette
 from nadia_balance.balance_controller import ControllerParams
-from nadia_balance.core.body import reachability
-from nadia_balance.core.body.reachability import BACKWARD, BASE, FORWARD
-from nadia_balance.core.feedback import momentum_qp
+from nadia_balance.core.body.reachability import (
+    BACKWARD,
+    BASE,
+    FORWARD,
+    base_region,
+    circle,
+    in_world,
+    step_regions,
+    total_region,
+)
+from nadia_balance.core.feedback.momentum_qp import (
+    IcpFeedbackQp,
+    MomentumQpParams,
+    feedback_limits,
+)
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
-from nadia_balance.core.steps import capture_region as regions
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
     SwingGeometry,
+    capture_region,
+    later_steps,
+    one_step_region,
 )
 from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
@@ -46,13 +60,16 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 
 MODEL = load_robot("nadia").point_mass
-SOLE, REACH = MODEL.sole, MODEL.reach
-STANCE, SWING = FootPose(), Side.RIGHT
-NOMINAL = FootPose([0.0, -MODEL.step_width, 0.0])  # nominal foothold
+SOLE = MODEL.sole
+REACH = MODEL.reach
+STANCE = FootPose()
+SWING = Side.RIGHT
+NOMINAL = FootPose(np.array([0.0, -MODEL.step_width, 0.0]))  # foothold
 USABLE = CaptureRegionStepAdjusterParams().usable_foot(SOLE)
 
 # Fig. 3: reference of both CoP and eCMP, and ICP error [m].
-COP_R, ERROR = np.array([-0.06, -0.02]), np.array([0.05, 0.042])
+COP_R = np.array([-0.06, -0.02])
+ERROR = np.array([0.05, 0.042])
 
 # Figs. 4 and 6.
 ICP = np.array([0.16, 0.0])  # [m]
@@ -60,11 +77,11 @@ REMAINING_TIME = 0.25  # until touchdown [s]
 LATEST = 5.0  # latest touchdown; the region then exceeds the circle [s]
 STEP_DURATION = 0.5  # transfer plus swing of each later step [s]
 CONTRACTION = math.exp(-MODEL.omega * STEP_DURATION)  # in one step [-]
-CIRCLE = reachability.circle(REACH.length_forward, 96)
+CIRCLE = circle(REACH.length_forward, 96)
 REACHES = {  # of later steps
     "Any step of up to 1 m": CIRCLE,
-    "Feet side by side: an ellipse": reachability.base_region(REACH),
-    "Cross-over allowed": reachability.total_region(REACH, cross_over=True),
+    "Feet side by side: an ellipse": base_region(REACH),
+    "Cross-over allowed": total_region(REACH, cross_over=True),
 }
 NAMES = ("C₁", "C₂", "C₃")
 _WHEN = (
@@ -74,8 +91,8 @@ _WHEN = (
 
 # Fig. 8: all reachability regions by name, in W.
 REGIONS = {
-    name: reachability.in_world(region, STANCE, SWING)
-    for name, region in reachability.step_regions(REACH, True).items()
+    name: in_world(region, STANCE, SWING)
+    for name, region in step_regions(REACH, True).items()
 }
 
 # Fig. 9: earliest and latest touchdown from now [s]; title and ICP [m] of each
@@ -87,74 +104,104 @@ RULES = (
     ("Rule 3: the closest, if none meets it", (-0.02, 0.21)),
 )
 
-_SEEN = {"x": (-0.3, 1.35), "y": (-0.8, 0.8)}  # in Figs. 4 and 6 [m]
-_GUIDE = {"color": FAINT, "lw": 0.9, "ls": (0, (4, 3))}  # dimension line
+# Limits of the axes in Figs. 4 and 6 [m].
+_FORWARD = (-0.3, 1.35)
+_ACROSS = (-0.8, 0.8)
 
 
 def draw_feedback() -> Figure:
-    """Fig. 3: the eCMP of ankle feedback only, without and with Q_perp."""
+    """Draws Fig. 3: the eCMP of ankle feedback only, without and with Q_perp.
+
+    Returns:
+        The figure.
+    """
     fig, axes = plan_views(
         "Without $Q_⊥$: as near as can be",
         "With $Q_⊥$: along the error",
         x=(-0.15, 0.17),
         y=(-0.08, 0.13),
     )
-    weights = 0.0, 1e5  # the default is between the two
-    none, dots = np.zeros(2), {"ls": "none", "mec": "white", "ms": 9}
-    for ax, weight in zip(axes, weights, strict=True):
-        params = momentum_qp.MomentumQpParams(
+    # The default of the weight is between the two.
+    for ax, weight in zip(axes, (0.0, 1e5), strict=True):
+        params = MomentumQpParams(
             perpendicular_weight=weight, max_kappa=0.0, rate_weight=0.0
         )
-        limits = momentum_qp.feedback_limits(SOLE, 0.0, params)
-        qp = momentum_qp.IcpFeedbackQp(params)
-        ecmp = qp.solve(ERROR, COP_R, none, np.zeros(4), limits).ecmp
+        limits = feedback_limits(SOLE, 0.0, params)
+        solution = IcpFeedbackQp(params).solve(
+            ERROR,
+            COP_R,
+            kappa_r=np.zeros(2),
+            previous=np.zeros(4),
+            limits=limits,
+        )
         asked = COP_R + params.feedback_gain * ERROR
-        edge = {"alpha": 0.0, "linewidth": 0.8}
-        _draw_sole(ax, STANCE, SWING.other, "support polygon")
-        fill(ax, limits.polygon, palette.SUPPORT, "limit of the CoP", **edge)
+        _draw_sole(ax, STANCE, SWING.other, label="support polygon")
+        fill(
+            ax,
+            limits.polygon,
+            palette.SUPPORT,
+            label="limit of the CoP",
+            alpha=0.0,
+            linewidth=0.8,
+        )
         arrow(ax, COP_R, asked, FAINT)
-        arrow(ax, COP_R, ecmp, palette.ECMP)
-        ax.plot(*asked, "D", color=FAINT, label="eCMP asked for", **dots)
-        ax.plot(*COP_R, "o", color=palette.COP, label="reference", **dots)
-        ax.plot(*ecmp, "s", color=palette.ECMP, label="eCMP", **dots)
-        beside = COP_R + 0.85 * (asked - COP_R) + [-0.014, 0.002]
-        note(ax, "$k_p\\,ξ_e$", tuple(beside))
+        arrow(ax, COP_R, solution.ecmp, palette.ECMP)
+        for point, mark, color, label in (
+            (asked, "D", FAINT, "eCMP asked for"),
+            (COP_R, "o", palette.COP, "reference"),
+            (solution.ecmp, "s", palette.ECMP, "eCMP"),
+        ):
+            _draw_point(ax, point, mark, color=color, label=label, size=9)
+        x, y = COP_R + 0.85 * (asked - COP_R) + [-0.014, 0.002]
+        note(ax, "$k_p\\,ξ_e$", (x, y))
     share_legend(fig, axes[0])
     return fig
 
 
 def draw_by_reachability() -> Figure:
-    """Fig. 4: C_1 to C_3, with the same reach of all later steps."""
-    fig, axes = plan_views(*REACHES, **_SEEN)
-    reaches = (
-        CIRCLE,
-        reachability.base_region(REACH),
-        reachability.total_region(REACH, cross_over=True),
-    )
-    for ax, reach in zip(axes, reaches, strict=True):
+    """Draws Fig. 4: C_1 to C_3, with the same reach of all later steps.
+
+    Returns:
+        The figure.
+    """
+    fig, axes = plan_views(*REACHES, x=_FORWARD, y=_ACROSS)
+    for ax, reach in zip(axes, REACHES.values(), strict=True):
         for n in range(len(NAMES), 0, -1):
-            region = regions.capture_region(_one_step(), _offsets(reach, n))
-            fill(ax, region, palette.CAPTURE_REGIONS[n - 1], NAMES[n - 1])
+            fill(
+                ax,
+                capture_region(_one_step(), _offsets(reach, n)),
+                palette.CAPTURE_REGIONS[n - 1],
+                label=NAMES[n - 1],
+            )
         _draw_feet(ax)
     share_legend(fig, axes[0], _WHEN)
     return fig
 
 
 def draw_growth() -> Figure:
-    """Fig. 6: C_n is C_1 swept by the reversed offsets -D_n of later steps."""
-    titles, reaches = zip(*list(REACHES.items())[:2], strict=True)
-    fig, axes = plan_views(*titles, **_SEEN)
-    for ax, reach in zip(
-        axes, (CIRCLE, reachability.base_region(REACH)), strict=True
-    ):
+    """Draws Fig. 6: C_n is C_1 swept by the reversed offsets -D_n.
+
+    Returns:
+        The figure.
+    """
+    titles = list(REACHES)[:2]
+    fig, axes = plan_views(*titles, x=_FORWARD, y=_ACROSS)
+    for ax, title in zip(axes, titles, strict=True):
         for n in range(2, len(NAMES) + 1):
-            color, offsets = palette.CAPTURE_REGIONS[n - 1], _offsets(reach, n)
+            color = palette.CAPTURE_REGIONS[n - 1]
+            offsets = _offsets(REACHES[title], n)
             for point in _around(_one_step(), 28):
                 fill(ax, point - offsets, color, alpha=0.0, linewidth=0.6)
-            region = regions.capture_region(_one_step(), offsets)
-            label = f"{NAMES[n - 1]}: {NAMES[0]} swept by -D{NAMES[n - 1][1]}"
-            fill(ax, region, color, label, alpha=0.0, linewidth=2.0)
-        fill(ax, _one_step(), palette.CAPTURE_REGIONS[0], NAMES[0])
+            fill(
+                ax,
+                capture_region(_one_step(), offsets),
+                color,
+                label=f"{NAMES[n - 1]}: {NAMES[0]} swept by "
+                f"-D{NAMES[n - 1][1]}",
+                alpha=0.0,
+                linewidth=2.0,
+            )
+        fill(ax, _one_step(), palette.CAPTURE_REGIONS[0], label=NAMES[0])
         _draw_feet(ax)
     share_legend(fig, axes[0], _WHEN)
     return fig
@@ -163,40 +210,52 @@ def draw_growth() -> Figure:
 def _offsets(reach: Array, n: int) -> Array:
     """D_n (k, 2) [m] for a `reach` (n, 2) [m] in the stance foot's frame."""
     reaches = [
-        reachability.in_world(reach, STANCE, SWING if k % 2 else SWING.other)
+        in_world(reach, STANCE, SWING if k % 2 else SWING.other)
         for k in range(2, n + 1)
     ]
-    return regions.later_steps(reaches, [CONTRACTION] * (n - 1))[-1]
+    return later_steps(reaches, [CONTRACTION] * (n - 1))[-1]
 
 
 def _around(polygon: Array, count: int) -> Array:
     """Points (count, 2) [m] at equal distances along the boundary."""
     closed = np.vstack([polygon, polygon[:1]])
     lengths = np.linalg.norm(np.diff(closed, axis=0), axis=1)
-    way = np.cumsum([0.0, *lengths])
-    at = np.linspace(0.0, way[-1], count, endpoint=False)
-    return np.column_stack([np.interp(at, way, c) for c in closed.T])
+    knots = np.cumsum([0.0, *lengths])
+    samples = np.linspace(0.0, knots[-1], count, endpoint=False)
+    return np.column_stack([np.interp(samples, knots, c) for c in closed.T])
 
 
 def _one_step() -> Array:
     """C_1 (k, 2) [m], clipped to the circle only."""
-    foot = reachability.in_world(USABLE, STANCE, SWING)
-    touchdown = REMAINING_TIME, LATEST
-    region = regions.one_step_region(ICP, foot, MODEL.omega, touchdown)
+    region = one_step_region(
+        icp=ICP,
+        foot=in_world(USABLE, STANCE, SWING),
+        omega=MODEL.omega,
+        touchdown=(REMAINING_TIME, LATEST),
+    )
     return intersection(region, CIRCLE)
 
 
 def _draw_feet(ax: Axes) -> None:
     """Draws the stance foot, its usable part, the planned foothold, the ICP."""
     _draw_sole(ax, STANCE, SWING.other)
-    foot = reachability.in_world(USABLE, STANCE, SWING)
-    fill(ax, foot, palette.LEFT, "where the CoP may be", linewidth=0.0)
-    _draw_sole(ax, NOMINAL, SWING, "planned foothold", "--")
-    _draw_icp(ax, ICP)
+    fill(
+        ax,
+        in_world(USABLE, STANCE, SWING),
+        palette.LEFT,
+        label="where the CoP may be",
+        linewidth=0.0,
+    )
+    _draw_sole(ax, NOMINAL, SWING, label="planned foothold", line="--")
+    _draw_point(ax, ICP, "o", color=palette.ICP, label="ICP")
 
 
 def draw_reach() -> Figure:
-    """Fig. 8: the union of the reachability regions, and each region."""
+    """Draws Fig. 8: the union of the reachability regions, and each region.
+
+    Returns:
+        The figure.
+    """
     fig, axes = plan_views(
         "Reachable, with cross-over",
         "$R_b$: feet side by side",
@@ -206,15 +265,17 @@ def draw_reach() -> Figure:
         y=(-0.9, 0.3),
         rows=2,
     )
-    alone = [[name] for name in (BASE, FORWARD, BACKWARD)]
-    for ax, names in zip(axes, (REGIONS, *alone), strict=True):
+    shown = (list(REGIONS), [BASE], [FORWARD], [BACKWARD])
+    for ax, names in zip(axes, shown, strict=True):
         for name in names:
-            fill(ax, REGIONS[name], palette.REACH, "reachable", alpha=0.18)
+            fill(
+                ax, REGIONS[name], palette.REACH, label="reachable", alpha=0.18
+            )
         _draw_sole(ax, STANCE, SWING.other)
         _draw_sole(ax, NOMINAL, SWING, line="--")
     _measure_base(axes[1])
-    _measure_crossing(axes[2], FORWARD)
-    _measure_crossing(axes[3], BACKWARD)
+    _measure_crossing(axes[2], FORWARD, "fwd")
+    _measure_crossing(axes[3], BACKWARD, "bwd")
     share_legend(fig, axes[0])
     return fig
 
@@ -226,66 +287,89 @@ def _measure_base(ax: Axes) -> None:
         (REACH.width_nominal, "$w_{nom}$"),
         (REACH.width_max, "$w_{max}$"),
     ):
-        ax.plot([0.0, 0.3], [-width, -width], **_GUIDE)
-        at = (0.32, -width)
-        note(ax, f"{label} = {width} m", at, ha="left", va="center")
+        _draw_guide(ax, (0.0, 0.3), (-width, -width))
+        note(ax, f"{label} = {width} m", (0.32, -width), ha="left", va="center")
     for x, label in (
         (REACH.length_forward, "$l_{max}$"),
         (-REACH.length_backward, "$l_{min}$"),
     ):
-        ax.plot([x, x], [-REACH.width_nominal, 0.12], **_GUIDE)
+        _draw_guide(ax, (x, x), (-REACH.width_nominal, 0.12))
         note(ax, f"{label} = {abs(x)} m", (0.9 * x, 0.15))
 
 
-def _measure_crossing(ax: Axes, name: str) -> None:
+def _measure_crossing(ax: Axes, name: str, subscript: str) -> None:
     """Writes the dimensions of Fig. 8 beside a cross-over region.
 
     The angle theta is a parameter of the ellipse, not an angle in the picture.
     """
-    word = "fwd" if name == FORWARD else "bwd"
     region = REGIONS[name]
     x, y = region[np.argmax(region[:, 1])]  # the farthest point across
-    way = np.sign(x)
-    ends = np.array([-0.2 * way, x])
-    ax.plot(ends, [0.0, 0.0], **_GUIDE)
-    ax.plot(ends, [y, y], **_GUIDE)
-    ax.plot([x, x], [y, 0.2], **_GUIDE)
-    side = {"ha": "right" if way > 0 else "left", "va": "center"}
-    at = (-0.23 * way, y + 0.03 * np.sign(y))
-    note(ax, f"$w_{{{word}}}$ = {y:.2f} m", at, **side)
-    length = "max" if way > 0 else "min"
-    text = rf"$l_{{{length}}}\,\sin θ_{{{word}}}$ = {abs(x):.2f} m"
-    note(ax, text, (x, 0.22))
+    sign = np.sign(x)
+    _draw_guide(ax, (-0.2 * sign, x), (0.0, 0.0))
+    _draw_guide(ax, (-0.2 * sign, x), (y, y))
+    _draw_guide(ax, (x, x), (y, 0.2))
+    note(
+        ax,
+        f"$w_{{{subscript}}}$ = {y:.2f} m",
+        (-0.23 * sign, y + 0.03 * np.sign(y)),
+        ha="right" if sign > 0 else "left",
+        va="center",
+    )
+    note(
+        ax,
+        rf"$l_{{{'max' if sign > 0 else 'min'}}}\,\sin θ_{{{subscript}}}$ = "
+        f"{abs(x):.2f} m",
+        (x, 0.22),
+    )
 
 
 def draw_rules() -> Figure:
-    """Fig. 9: the region that each rule chooses, and the adjusted foothold."""
+    """Draws Fig. 9: the region that each rule chooses, and its foothold.
+
+    Returns:
+        The figure.
+    """
     fig, axes = plan_views(
         *(title for title, _ in RULES), x=(-1.1, 1.3), y=(-0.9, 0.9)
     )
     params = CaptureRegionStepAdjusterParams()
-    on = MECHANISMS["all_with_cross_over"]
-    in_place = [NOMINAL, STANCE] * 2
-    schedule = right_swing(FootPoses(STANCE, NOMINAL), in_place, 0.4, 0.1)
-    geometry = SwingGeometry(schedule, params, MODEL, on)
+    schedule = right_swing(
+        FootPoses(STANCE, NOMINAL),
+        [NOMINAL, STANCE] * 2,
+        swing=0.4,
+        transfer=0.1,
+    )
+    geometry = SwingGeometry(
+        schedule, params, MODEL, MECHANISMS["all_with_cross_over"]
+    )
     for ax, (_, icp) in zip(axes, RULES, strict=True):
         landing = Landing(geometry, np.array(icp), TOUCHDOWN)
-        captures = landing.capture_region
-        period = ControllerParams().control_period
-        planned = unadjusted(schedule)
-        found = adjust_foothold(planned, landing, params, period)
+        adjusted = adjust_foothold(
+            unadjusted(schedule),
+            landing,
+            params,
+            period=ControllerParams().control_period,
+        )
         for name, region in geometry.regions.items():
-            if name != found.region:
+            if name != adjusted.region:
                 fill(ax, region, palette.REACH, alpha=0.0, linewidth=0.8)
-        chosen = geometry.regions[found.region]
-        fill(ax, chosen, palette.REACH, "reachable", alpha=0.18)
-        fill(ax, captures, palette.CAPTURE_REGIONS[-1], "capture region C₃")
-        shared = intersection(chosen, captures)
-        fill(ax, shared, palette.CAPTURE_REGIONS[0], "what they share", 0.45)
+        reach = geometry.regions[adjusted.region]
+        captures = landing.capture_region
+        fill(ax, reach, palette.REACH, label="reachable", alpha=0.18)
+        fill(
+            ax, captures, palette.CAPTURE_REGIONS[-1], label="capture region C₃"
+        )
+        fill(
+            ax,
+            intersection(reach, captures),
+            palette.CAPTURE_REGIONS[0],
+            label="what they share",
+            alpha=0.45,
+        )
         _draw_sole(ax, STANCE, SWING.other)
-        _draw_sole(ax, NOMINAL, SWING, "planned foothold", "--")
-        _draw_sole(ax, found.pose, SWING, "adjusted foothold")
-        _draw_icp(ax, np.array(icp))
+        _draw_sole(ax, NOMINAL, SWING, label="planned foothold", line="--")
+        _draw_sole(ax, adjusted.pose, SWING, label="adjusted foothold")
+        _draw_point(ax, np.array(icp), "o", color=palette.ICP, label="ICP")
     share_legend(fig, axes[0])
     return fig
 
@@ -294,13 +378,29 @@ def _draw_sole(
     ax: Axes, pose: FootPose, side: Side, label: str = "", line: str = "-"
 ) -> None:
     """Draws a sole: filled with a solid line, outlined with another one."""
-    label, alpha = label or f"{side.value} foot", 0.12 if line == "-" else 0.0
-    look = {"label": label, "linestyle": line}
-    draw_sole(ax, pose.to_world(SOLE), side, alpha, **look)
+    draw_sole(
+        ax,
+        pose.to_world(SOLE),
+        side,
+        alpha=0.12 if line == "-" else 0.0,
+        label=label or f"{side.value} foot",
+        linestyle=line,
+    )
 
 
-def _draw_icp(ax: Axes, icp: Array) -> None:
-    ax.plot(*icp, "o", color=palette.ICP, ms=7, mec="white", label="ICP")
+def _draw_point(
+    ax: Axes, point: Array, mark: str, *, color: str, label: str, size: int = 7
+) -> None:
+    ax.plot(
+        *point, mark, color=color, ls="none", mec="white", ms=size, label=label
+    )
+
+
+def _draw_guide(
+    ax: Axes, x: tuple[float, float], y: tuple[float, float]
+) -> None:
+    """Draws a line at which a dimension is written."""
+    ax.plot(x, y, color=FAINT, lw=0.9, ls=(0, (4, 3)))
 
 
 FIGURES = {
@@ -314,8 +414,15 @@ FIGURES = {
 
 @program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv` and returns 0; bad input exits."""
-    return draw("nadia", FIGURES, __doc__, argv)
+    """Draws the figures; bad input exits.
+
+    Args:
+        argv: command line; by default the program's.
+
+    Returns:
+        The exit code 0.
+    """
+    return draw("nadia", FIGURES, description=__doc__, argv=argv)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import io
 import math
 import shutil
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import fields
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -25,7 +25,7 @@ import numpy as np
 from PIL import Image
 from playwright import sync_api
 
-from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import pushes, steps
 from nadia_balance.scripts import command_line
@@ -90,32 +90,55 @@ _LEGEND = """
 """
 
 
-@dataclass(kw_only=True)
+@parameters
 class View:
     """The camera's direction and distance, and the size of a picture."""
 
-    azimuth: float = 14.0  # 0 from in front, 90 from its left [deg]
-    elevation: float = bounded(14.0, least=0.0, most=89.0)  # [deg]
-    distance: float = bounded(3.7, least=0.5, most=50.0)  # of the camera [m]
-    width: int = bounded(440, least=50, most=4000)  # of a picture [pixels]
-    height: int = bounded(620, least=50, most=4000)  # of a picture [pixels]
+    azimuth: float = bounded(
+        14.0, doc="degrees from in front of the robot, 90 is its left"
+    )
+    elevation: float = bounded(
+        14.0, doc="degrees above the horizon", least=0.0, most=89.0
+    )
+    distance: float = bounded(
+        3.7, doc="metres from the robot", least=0.5, most=50.0
+    )
+    width: int = bounded(440, doc="pixels of a picture", least=50, most=4000)
+    height: int = bounded(620, doc="pixels of a picture", least=50, most=4000)
 
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv` and returns 0; bad input exits."""
-    codes = "0 written, 2 bad input, 130 Ctrl-C."
-    whole = {"formatter_class": argparse.RawDescriptionHelpFormatter}
-    parser = command_line.CommandLine(__file__, __doc__, codes, **whole)
-    place, finite = command_line.place, command_line.finite
-    parser.add_argument("--run", type=place, required=True, help="its folder")
-    parser.add_argument("--times", type=finite, nargs="+", help="[s]")
+    """Takes the pictures; bad input exits.
+
+    Args:
+        argv: command line; by default the program's.
+
+    Returns:
+        The exit code 0.
+    """
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 written, 2 bad input, 130 Ctrl-C.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--run", type=command_line.place, required=True, help="its folder"
+    )
+    parser.add_argument(
+        "--times", type=command_line.finite, nargs="+", help="[s]"
+    )
     parser.add_argument("--gif", action="store_true", help="an animation")
     parser.add_argument(
-        "--out", type=place, help="by default picture.png or .gif in the folder"
+        "--out",
+        type=command_line.place,
+        help="by default picture.png or .gif in the folder",
     )
-    for name, default in asdict(View()).items():
-        parser.add_argument(f"--{name}", type=type(default), default=default)
+    for field in fields(View):
+        parser.add_argument(
+            f"--{field.name}", type=type(field.default), default=field.default
+        )
     args = parser.parse_args(argv)
     with parser.refusing():
         out = _write(args)
@@ -126,10 +149,16 @@ def main(argv: list[str] | None = None) -> int:
 def _write(args: argparse.Namespace) -> Path:
     """Writes the pictures that the flags ask for; returns their file."""
     suffix = ".gif" if args.gif else ".png"
-    out = args.out or args.run / f"picture{suffix}"
+    out: Path = args.out or args.run / f"picture{suffix}"
     if out.suffix != suffix:
         raise ValueError(f"out = {str(out)!r}: must end in {suffix}")
-    view = View(**{name: getattr(args, name) for name in asdict(View())})
+    view = View(
+        azimuth=args.azimuth,
+        elevation=args.elevation,
+        distance=args.distance,
+        width=args.width,
+        height=args.height,
+    )
     check(view)
     times = args.times or moments(args.run, args.gif)
     with (
@@ -137,17 +166,26 @@ def _write(args: argparse.Namespace) -> Path:
         launch_chromium(playwright) as browser,
         appearing(out.parent) as drafts,
     ):
-        page = open_replay(browser, args.run / "replay.html", times, view)
+        page = open_replay(
+            browser, args.run / "replay.html", times=times, view=view
+        )
         write = write_gif if args.gif else write_strip
-        write(page, times, view, drafts / out.name)
+        write(page, times, view, out=drafts / out.name)
     return out
 
 
 def moments(run: Path, gif: bool = False) -> list[float]:
-    """Times [s] of the pictures, or of the frames of a `gif`.
+    """Finds the times of the pictures, or of the frames of an animation.
+
+    Args:
+        run: folder of the run.
+        gif: of an animation.
+
+    Returns:
+        The times [s].
 
     Raises:
-        ValueError: the `run` has no push, or its log is not complete.
+        ValueError: the run has no push, or its log is not complete.
         OSError: the log does not exist.
     """
     try:
@@ -168,21 +206,30 @@ def moments(run: Path, gif: bool = False) -> list[float]:
     start, end = pushed[-1].start, pushed[-1].end
     if gif:
         # The replay's last frame may be before the log's last row.
-        last = min(end + _GIF[1], float(log["t"][-1]) - REGIONS_PERIOD)
-        return np.arange(max(start - _GIF[0], 0.0), last, _GIF_PERIOD).tolist()
+        return np.arange(
+            max(start - _GIF[0], 0.0),
+            min(end + _GIF[1], float(log["t"][-1]) - REGIONS_PERIOD),
+            _GIF_PERIOD,
+        ).tolist()
     landings = [step.swing.end for step in landed if step.swing.end > end]
     return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
 
 
 def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
-    """Returns a headless Chromium: the system's, else playwright's own.
+    """Starts a headless Chromium: the system's, else playwright's own.
+
+    Args:
+        playwright: that starts it.
+
+    Returns:
+        The browser.
 
     Raises:
         ValueError: Chromium is missing or does not start.
     """
-    found = shutil.which("chromium") or shutil.which("google-chrome")
+    path = shutil.which("chromium") or shutil.which("google-chrome")
     try:
-        return playwright.chromium.launch(executable_path=found, args=_FLAGS)
+        return playwright.chromium.launch(executable_path=path, args=_FLAGS)
     except sync_api.Error as error:
         raise ValueError(
             "Chromium is missing or does not start: apt-get install "
@@ -193,10 +240,19 @@ def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
 def open_replay(
     browser: sync_api.Browser, replay: Path, times: list[float], view: View
 ) -> sync_api.Page:
-    """Returns a page with the `replay`, in which all `times` [s] are.
+    """Opens a replay.
+
+    Args:
+        browser: that shows it.
+        replay: the file.
+        times: that must be in it [s].
+        view: size of the page.
+
+    Returns:
+        The page.
 
     Raises:
-        ValueError: `replay` is no whole one, or a time is not within it.
+        ValueError: it is no whole replay, or a time is not within it.
     """
     page = browser.new_page(
         viewport={"width": view.width, "height": view.height},
@@ -225,9 +281,17 @@ def open_replay(
 def write_strip(
     page: sync_api.Page, times: list[float], view: View, out: Path
 ) -> None:
-    """Writes the replay at `times` [s], side by side over its legend."""
+    """Writes pictures side by side over the legend.
+
+    Args:
+        page: with the replay.
+        times: of the pictures [s].
+        view: of the camera.
+        out: file of the strip.
+    """
     pictures = [
-        _picture(page, time, view, _CAPTION, f"{time:.2f} s") for time in times
+        _picture(page, time, view, style=_CAPTION, caption=f"{time:.2f} s")
+        for time in times
     ]
     width = len(times) * (view.width + _GAP) - _GAP
     page.set_viewport_size({"width": width, "height": view.height})
@@ -242,41 +306,60 @@ def write_strip(
 def write_gif(
     page: sync_api.Page, times: list[float], view: View, out: Path
 ) -> None:
-    """Writes the replay at `times` [s] as an animation, in a loop.
+    """Writes an animation, in a loop.
 
     It is in real time if the times are as far apart as those of `moments`.
+
+    Args:
+        page: with the replay.
+        times: of the frames [s].
+        view: of the camera.
+        out: file of the animation.
     """
-    keeps_rare_colours = Image.Quantize.MAXCOVERAGE
     first, *others = (
-        _picture(page, time, view, _WORDS).quantize(method=keeps_rare_colours)
+        # Which keeps rare colours.
+        _picture(page, time, view, style=_WORDS).quantize(
+            method=Image.Quantize.MAXCOVERAGE
+        )
         for time in times
     )
-    more = {"duration": round(1000 * _GIF_PERIOD), "loop": 0}
-    first.save(out, save_all=True, append_images=others, **more)
+    first.save(
+        out,
+        save_all=True,
+        append_images=others,
+        duration=round(1000 * _GIF_PERIOD),
+        loop=0,
+    )
 
 
 def _picture(
     page: sync_api.Page, time: float, view: View, style: str, caption: str = ""
 ) -> Image.Image:
-    turn, rise = math.radians(view.azimuth), math.radians(view.elevation)
-    away = math.cos(rise)
-    offset = away * math.cos(turn), away * math.sin(turn), math.sin(rise)
-    look = {
-        # The nearest time at which all objects were drawn: in between, a replay
-        # interpolates between two shapes of a polygon.
-        "time": round(time / REGIONS_PERIOD) * REGIONS_PERIOD,
-        "caption": caption,
-        "path": MIDDLE.strip("/").split("/"),
-        "height": _TARGET,
-        "offset": [view.distance * part for part in offset],
-    }
-    page.evaluate(_LOOK, look)
+    azimuth = math.radians(view.azimuth)
+    elevation = math.radians(view.elevation)
+    horizontal = math.cos(elevation)
+    offset = (
+        horizontal * math.cos(azimuth),
+        horizontal * math.sin(azimuth),
+        math.sin(elevation),
+    )
+    page.evaluate(
+        _LOOK,
+        {
+            # The nearest time at which all objects were drawn: in between, a
+            # replay interpolates between two shapes of a polygon.
+            "time": round(time / REGIONS_PERIOD) * REGIONS_PERIOD,
+            "caption": caption,
+            "path": MIDDLE.strip("/").split("/"),
+            "height": _TARGET,
+            "offset": [view.distance * part for part in offset],
+        },
+    )
     return _image(page.screenshot(style=style))
 
 
 def _image(screenshot: bytes) -> Image.Image:
-    image = Image.open(io.BytesIO(screenshot)).convert("RGB")
-    return image.reduce(_SHARPNESS)
+    return Image.open(io.BytesIO(screenshot)).convert("RGB").reduce(_SHARPNESS)
 
 
 if __name__ == "__main__":

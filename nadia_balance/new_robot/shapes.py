@@ -1,16 +1,27 @@
 """Shapes of links: soles that are found, capsules that are fitted."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
 from pydrake.math import RigidTransform, RotationMatrix
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, QhullError  # type: ignore[import-untyped]
 
-import nadia_balance.new_robot.description as robots
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.new_robot.description import (
+    COLLIDING,
+    VISUAL,
+    Anatomy,
+    Description,
+    Link,
+    Notes,
+    Poses,
+    Shape,
+    Vector,
+)
 
 # Tolerances for points on the plane, of meshes and of round solids [m].
 _ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
@@ -26,8 +37,10 @@ _CLEARANCE, _THINNEST = 0.03, 0.5
 _SHOE_ABOVE_SOLE = 0.004  # [m]
 _THINNEST_PLATE = 1e-4  # [m]
 _SPHERE = 0.005  # radius of the spheres at the soles' corners [m]
+# A sole counts by its area times this: shapes to look at are often larger.
+_WEIGHT = {COLLIDING: 2.0, VISUAL: 1.0}
 
-Shapes = dict[str, list[robots.Shape]]  # by link
+Shapes = dict[str, list[Shape]]  # by link
 Pairs = set[frozenset[str]]
 
 
@@ -39,75 +52,126 @@ class SolePlane:
     depth: float  # distance of the plane from the link's origin [m]
     points: Array  # (k, 3), on the plane
     area: float  # of their convex hull [m^2]
-    source: str
+    source: str  # role of the shapes
+
+    @property
+    def extents(self) -> Array:
+        """Length and width (2,) [m], in a frame whose z axis is normal."""
+        return np.asarray(np.ptp(self.points[:, :2], axis=0))
 
 
-def find_sole(foot: robots.Link, down: Array) -> SolePlane:
-    """Returns the plane of the sole; `down` (3,) is its approximate normal.
+def find_sole(foot: Link, down: Array) -> SolePlane:
+    """Finds the plane of the sole.
 
-    The plane is that of the collision shapes, or of the visual ones if their
-    sole is more than twice as large, or the only flat one.
+    It is that of the collision shapes, or of the visual ones if their sole is
+    more than twice as large, or the only flat one.
 
-    Raises ValueError: no shape is flat below.
+    Args:
+        foot: the link.
+        down: approximate normal (3,) of the sole, in the link.
+
+    Returns:
+        The plane.
+
+    Raises:
+        ValueError: no shape is flat below.
     """
-    weight = {robots.COLLIDING: 2.0, robots.VISUAL: 1.0}
-    found = [sole_plane(foot.of(role), down, role) for role in weight]
-    if not any(found):
-        why = "must have a shape with a flat side below"
-        also = f"; {foot.missing}" if foot.missing else ""
-        raise ValueError(f"foot {foot.name}: {why}{also}")
-    return max(filter(None, found), key=lambda p: weight[p.source] * p.area)
+    planes = [sole_plane(foot.of(role), down, role) for role in _WEIGHT]
+    if not any(planes):
+        raise ValueError(
+            f"foot {foot.name}: must have a shape with a flat side below"
+            + (f"; {foot.missing}" if foot.missing else "")
+        )
+    return max(
+        filter(None, planes),
+        key=lambda plane: _WEIGHT[plane.source] * plane.area,
+    )
 
 
-def sole_plane(shapes: list, down: Array, source: str) -> SolePlane | None:
-    """The supporting plane with the largest area of the convex hull."""
-    if not shapes:
+def sole_plane(
+    shapes: Sequence[Shape], down: Array, source: str
+) -> SolePlane | None:
+    """Finds the supporting plane of shapes that faces down.
+
+    Of the planes through faces of their convex hull it is the one in which, up
+    to 3 degrees, the area is largest.
+
+    Args:
+        shapes: of one link.
+        down: approximate normal (3,) of the plane, in the link.
+        source: role of the shapes.
+
+    Returns:
+        The plane; None: no side is flat.
+    """
+    normal = _flattest_normal(shapes, down) if shapes else None
+    if normal is None:
         return None
-    points = np.concatenate([shape.points() for shape in shapes])
-    hull = ConvexHull(_thickened(points))
-    first, *others = hull.points[hull.simplices].swapaxes(0, 1)
-    sides = np.cross(*(corners - first for corners in others))
-    areas = 0.5 * np.linalg.norm(sides, axis=1)
-    normals = hull.equations[:, :3]
-    below = normals @ down > _DOWNWARD
-    areas, normals = areas[below], normals[below]
-    alike = normals @ normals.T > _SAME_NORMAL
-    if not len(areas):
-        return None
-    near = alike[int((alike @ areas).argmax())]
-    normal = areas[near] @ normals[near]
-    normal /= np.linalg.norm(normal)
     # A round shape touches the ground with its point farthest along the normal.
-    lowest = [s.points() for s in shapes]
-    for i, shape in enumerate(shapes):
-        if shape.kind in ("sphere", "capsule"):
-            lowest[i] = shape.spine(2).T + shape.size["radius"] * normal
-    depth = max(float((points @ normal).max()) for points in lowest)
-    on_plane = [
-        p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
-        for p, shape in zip(lowest, shapes, strict=True)
+    lowest = [
+        shape.spine(2).T + shape.size["radius"] * normal
+        if shape.kind in ("sphere", "capsule")
+        else shape.points()
+        for shape in shapes
     ]
-    flat = np.concatenate(on_plane)
+    depth = max(float((points @ normal).max()) for points in lowest)
+    flat = np.concatenate(
+        [
+            p[p @ normal > depth - _ON_PLANE.get(shape.kind, _ON_PLANE_EXACT)]
+            for p, shape in zip(lowest, shapes, strict=True)
+        ]
+    )
     across = np.linalg.svd(normal[None])[2][1:]
     try:
         area = ConvexHull(flat @ across.T).volume
     except (QhullError, ValueError):  # collinear, or too few
         return None
-    return SolePlane(normal, depth, flat, area, source)
+    return SolePlane(
+        down=normal, depth=depth, points=flat, area=area, source=source
+    )
+
+
+def _flattest_normal(shapes: Sequence[Shape], down: Array) -> Array | None:
+    """The normal (3,) below about which the hull's area is largest."""
+    points = np.concatenate([shape.points() for shape in shapes])
+    hull = ConvexHull(_thickened(points))
+    first, second, third = hull.points[hull.simplices].swapaxes(0, 1)
+    sides = np.cross(second - first, third - first)
+    normals = hull.equations[:, :3]
+    below = normals @ down > _DOWNWARD
+    areas = 0.5 * np.linalg.norm(sides, axis=1)[below]
+    normals = normals[below]
+    if not len(areas):
+        return None
+    alike = normals @ normals.T > _SAME_NORMAL
+    near = alike[int((alike @ areas).argmax())]
+    normal = areas[near] @ normals[near]
+    return np.asarray(normal / np.linalg.norm(normal))
 
 
 def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
-    """Returns x_min, x_max and half-width [m] of the largest rectangle.
+    """Finds the largest rectangle about the x axis within all soles.
 
-    It is symmetric about y = 0 and within the hulls of all `soles`, points
-    (k, 2) [m].  Raises ValueError: no such rectangle exists.
+    Maximise (x_max - x_min) * half_width subject to a_x x + a_y y + c <= 0 at
+    the corners, for all sides (a_x, a_y, c) of the soles' hulls.
+
+    Args:
+        soles: points (k, 2) of each sole [m].
+
+    Returns:
+        x_min, x_max and half-width [m].
+
+    Raises:
+        ValueError: no such rectangle exists.
     """
-    sides = np.concatenate([ConvexHull(sole).equations for sole in soles])
-    a_x, a_y, c = sides.T
-    ahead, behind = a_x > 1e-9, a_x < -1e-9
+    a_x, a_y, c = np.concatenate([ConvexHull(s).equations for s in soles]).T
+    ahead = a_x > 1e-9
+    behind = a_x < -1e-9
     beside = ~(ahead | behind)
-    widest = min(-c[beside] / np.abs(a_y[beside]), default=np.inf)
-    widest = min(widest, *(float(np.abs(sole[:, 1]).max()) for sole in soles))
+    widest = min(
+        min(-c[beside] / np.abs(a_y[beside]), default=np.inf),
+        *(float(np.abs(sole[:, 1]).max()) for sole in soles),
+    )
     widths = np.linspace(0.0, max(widest, 0.0), _WIDTHS)
     room = -c[:, None] - np.abs(a_y)[:, None] * widths  # a_x x <= room
     heels = (room[behind] / a_x[behind, None]).max(axis=0)
@@ -119,54 +183,106 @@ def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
 
 
 def fit_capsules(
-    robot: robots.Description, anatomy: robots.Anatomy, fields, notes
+    robot: Description,
+    anatomy: Anatomy,
+    fields: Mapping[str, Any],
+    notes: Notes,
 ) -> Pairs:
-    """Replaces the collision shapes of `robot` by capsules.
+    """Replaces the collision shapes of a robot by capsules.
 
-    `fields` are those of robot.yaml.  In a leg only thigh, shin and foot have
-    some.  Returns pairs of links that do not collide: neighbours, and those
-    that overlap where the robot stands.
+    In a leg only thigh, shin and foot have some.
+
+    Args:
+        robot: gets the capsules, and spheres at the corners of the soles.
+        anatomy: of the robot.
+        fields: those of robot.yaml.
+        notes: get what was guessed or changed.
+
+    Returns:
+        Pairs of links that do not collide: neighbours, and those that overlap
+        where the robot stands.
     """
-    feet, legs = anatomy.feet.values(), anatomy.legs.values()
-    capsules: Shapes = {foot: _shoe(**fields["sole"]) for foot in feet}
-    smallest = _SMALLEST * fields["legs"]["length"]
-    of_legs = {robot.joints[name].child for leg in legs for name in leg.joints}
-    for leg in legs:
-        at, _ = robot.hinges(leg.pitches, robot.poses())
+    sole = fields["sole"]
+    feet = set(anatomy.feet.values())
+    capsules: Shapes = {foot: _shoe(**sole) for foot in anatomy.feet.values()}
+    _fit_links(
+        robot,
+        anatomy,
+        capsules=capsules,
+        smallest=_SMALLEST * fields["legs"]["length"],
+        notes=notes,
+    )
+    ignored = _neighbours(robot, capsules)
+    poses = robot.poses(fields["posture"])
+    for pair in itertools.combinations(capsules, 2):
+        if frozenset(pair) in ignored or set(pair) == feet:
+            continue
+        first, second = sorted(pair)
+        if not _thinned(first, second, capsules, poses=poses, feet=feet):
+            ignored.add(frozenset(pair))
+            notes.add(
+                "changed",
+                "may pass through each other: they overlap where it stands",
+                f"{first} and {second}",
+            )
+    for name, link in robot.links.items():
+        link.shapes = link.of(VISUAL) + capsules.get(name, [])
+    for foot, x, sign in itertools.product(
+        anatomy.feet.values(), (sole["x_min"], sole["x_max"]), (1.0, -1.0)
+    ):
+        corner: Vector = [x, sign * sole["half_width"], sole["z"] + _SPHERE]
+        robot.links[foot].shapes.append(
+            _solid("sphere", RigidTransform(corner), radius=_SPHERE)
+        )
+    return ignored
+
+
+def _fit_links(
+    robot: Description,
+    anatomy: Anatomy,
+    *,
+    capsules: Shapes,
+    smallest: float,
+    notes: Notes,
+) -> None:
+    """Adds `capsules` of thighs, shins and all links outside of the legs."""
+    of_legs: set[str] = set()
+    for leg in anatomy.legs.values():
+        of_legs |= {robot.joints[name].child for name in leg.joints}
+        points, _ = robot.hinges(leg.pitches, robot.poses())
         knee = robot.joints[leg.knee]
         for i, name in enumerate((knee.parent, knee.child)):
             capsules[name] = _fitted(robot.links[name], smallest)
             if not capsules[name]:
-                ends = robot.poses()[name].inverse() @ at[i : i + 2].T
-                capsules[name] = [_bone(*ends.T)]
+                ends = robot.poses()[name].inverse() @ points[i : i + 2].T
+                capsules[name] = [_bone(ends[:, 0], ends[:, 1])]
                 notes.add("guessed", "the thickness of", name)
     for name, link in robot.links.items():
-        if name not in of_legs and (fitted := _fitted(link, smallest)):
+        fitted = [] if name in of_legs else _fitted(link, smallest)
+        if fitted:
             capsules[name] = fitted
-    ignored = set()
-    for link in capsules:
-        above = [j.parent for j in robot.chain(link) if j.parent in capsules]
-        ignored |= {frozenset((link, holder)) for holder in above[-1:]}
-    poses = robot.poses(fields["posture"])
-    for pair in map(frozenset, itertools.combinations(capsules, 2)):
-        if pair in ignored or pair == set(feet):
-            continue
-        if not _thinned(sorted(pair), capsules, poses, feet):
-            ignored.add(pair)
-            line = "may pass through each other: they overlap where it stands"
-            notes.add("changed", line, " and ".join(sorted(pair)))
-    for name, link in robot.links.items():
-        link.shapes = link.of(robots.VISUAL) + capsules.get(name, [])
-    heel, toe, y, z = fields["sole"].values()
-    for foot, *corner in itertools.product(feet, (heel, toe), (y, -y)):
-        X_LG = RigidTransform([*corner, z + _SPHERE])
-        robot.links[foot].shapes.append(_solid("sphere", X_LG, radius=_SPHERE))
-    return ignored
 
 
-def _solid(kind: str, X: RigidTransform, **size: float) -> robots.Shape:
-    sizes = {key: np.array([value]) for key, value in size.items()}
-    return robots.Shape(robots.COLLIDING, kind, sizes, X)
+def _neighbours(robot: Description, capsules: Shapes) -> Pairs:
+    """Pairs of links with capsules, of which none is between the two."""
+    above = {
+        link: [j.parent for j in robot.chain(link) if j.parent in capsules]
+        for link in capsules
+    }
+    return {
+        frozenset((link, holders[-1]))
+        for link, holders in above.items()
+        if holders
+    }
+
+
+def _solid(kind: str, X: RigidTransform, **size: float) -> Shape:
+    return Shape(
+        role=COLLIDING,
+        kind=kind,
+        size={key: np.array([value]) for key, value in size.items()},
+        X_LG=X,
+    )
 
 
 def _thickened(points: Array) -> Array:
@@ -178,13 +294,13 @@ def _thickened(points: Array) -> Array:
     return points
 
 
-def _fitted(link: robots.Link, smallest: float) -> list[robots.Shape]:
+def _fitted(link: Link, smallest: float) -> list[Shape]:
     """A capsule about `link`; none if it is smaller than `smallest` [m]."""
-    shapes = link.of(robots.COLLIDING) or link.shapes
+    shapes = link.of(COLLIDING) or link.shapes
     points = np.concatenate([np.zeros((0, 3)), *(s.points() for s in shapes)])
     if not shapes or np.ptp(points, axis=0).max() < smallest:
         return []
-    T_BL, extents = trimesh.bounds.oriented_bounds(_thickened(points))
+    T_BL, extents = trimesh.bounds.oriented_bounds(_thickened(points))  # type: ignore[no-untyped-call]
     order = np.argsort(extents)  # the longest becomes z
     R_BG = np.eye(3)[:, order]
     R_BG[:, 0] *= np.linalg.det(R_BG)
@@ -192,46 +308,77 @@ def _fitted(link: robots.Link, smallest: float) -> list[robots.Shape]:
     R_LG = RotationMatrix.ProjectToRotationMatrix(R_LB @ R_BG)
     small, middle, large = extents[order]
     radius = 0.25 * _THICKNESS * (small + middle)
-    length = max(large - 2.0 * radius, 0.01 * large)
-    X_LG = RigidTransform(R_LG, -R_LB @ T_BL[:3, 3])
-    return [_solid("capsule", X_LG, radius=radius, length=length)]
+    return [
+        _solid(
+            "capsule",
+            RigidTransform(R_LG, -R_LB @ T_BL[:3, 3]),
+            radius=radius,
+            length=max(large - 2.0 * radius, 0.01 * large),
+        )
+    ]
 
 
-def _bone(upper: Array, lower: Array) -> robots.Shape:
-    length = np.linalg.norm(lower - upper)
-    R = RotationMatrix.MakeFromOneVector(lower - upper, 2)
-    X_LG = RigidTransform(R, 0.5 * (upper + lower))
-    size = {"radius": _BONE * length, "length": (1.0 - 2.0 * _BONE) * length}
-    return _solid("capsule", X_LG, **size)
+def _bone(upper: Vector, lower: Vector) -> Shape:
+    length = float(np.linalg.norm(lower - upper))
+    return _solid(
+        "capsule",
+        RigidTransform(
+            RotationMatrix.MakeFromOneVector(lower - upper, 2),
+            0.5 * (upper + lower),
+        ),
+        radius=_BONE * length,
+        length=(1.0 - 2.0 * _BONE) * length,
+    )
 
 
-def _shoe(x_min, x_max, half_width, z) -> list[robots.Shape]:
+def _shoe(
+    x_min: float, x_max: float, half_width: float, z: float
+) -> list[Shape]:
     """Two parallel capsules within the sole's rectangle, just above it."""
     length = x_max - x_min
     radius = min(2.0 / 3.0 * half_width, 0.25 * length)
-    x, y = 0.5 * (x_min + x_max), half_width - radius
+    y = half_width - radius
     z += _SHOE_ABOVE_SOLE + radius
-    along = RotationMatrix.MakeYRotation(0.5 * np.pi)
-    poses = [RigidTransform(along, [x, side, z]) for side in (y, -y)]
-    size = {"radius": radius, "length": 0.9 * length - 2.0 * radius}
-    return [_solid("capsule", X, **size) for X in poses]
+    centres: Vector = [(0.5 * (x_min + x_max), side, z) for side in (y, -y)]
+    return [
+        _solid(
+            "capsule",
+            RigidTransform(RotationMatrix.MakeYRotation(0.5 * np.pi), centre),
+            radius=radius,
+            length=0.9 * length - 2.0 * radius,
+        )
+        for centre in centres
+    ]
 
 
-def _thinned(links: list[str], capsules: Shapes, poses, feet) -> bool:
+def _thinned(
+    first: str,
+    second: str,
+    capsules: Shapes,
+    *,
+    poses: Poses,
+    feet: Collection[str],
+) -> bool:
     """Makes capsules not of feet thinner until links are apart, if it can."""
     share = 1.0
-    for pair in itertools.product(*(capsules[link] for link in links)):
-        both = list(zip(links, pair, strict=True))
-        first, second = (poses[link] @ each.spine(41) for link, each in both)
-        apart = first[:, :, None] - second[:, None, :]
+    for one, other in itertools.product(capsules[first], capsules[second]):
+        apart = (poses[first] @ one.spine(41))[:, :, None] - (
+            poses[second] @ other.spine(41)
+        )[:, None, :]
         room = float(np.linalg.norm(apart, axis=0).min()) - _CLEARANCE
-        radii = {link: float(each.size["radius"][0]) for link, each in both}
-        room -= sum(radii[link] for link in links if link in feet)
-        soft = sum(radii[link] for link in links if link not in feet)
+        radii = {
+            first: float(one.size["radius"][0]),
+            second: float(other.size["radius"][0]),
+        }
+        room -= sum(r for link, r in radii.items() if link in feet)
+        soft = sum(r for link, r in radii.items() if link not in feet)
         share = min(share, room / soft if soft else 1.0)
     if share < _THINNEST:
         return False
-    for capsule in (c for n in links if n not in feet for c in capsules[n]):
-        capsule.size["length"] += 2.0 * capsule.size["radius"] * (1.0 - share)
-        capsule.size["radius"] *= share
+    for link in {first, second}.difference(feet):
+        for capsule in capsules[link]:
+            capsule.size["length"] += (
+                2.0 * capsule.size["radius"] * (1.0 - share)
+            )
+            capsule.size["radius"] *= share
     return True

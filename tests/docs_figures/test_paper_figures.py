@@ -10,7 +10,7 @@ from shapely import LineString, Point
 from shapely import Polygon as Shape
 
 import atlas_paper
-import nadia_paper as nadia
+import nadia_paper
 from nadia_balance.core.body.reachability import (
     BACKWARD,
     BASE,
@@ -48,7 +48,7 @@ def dot(ax, label):
 
 
 @functools.cache
-def axes_of(number, paper=nadia):
+def axes_of(number, paper=nadia_paper):
     """What that figure of a paper is drawn on; do not change it."""
     return paper.FIGURES[number]().axes
 
@@ -78,12 +78,12 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
     without, with_it = axes_of("3")
     limit = polygon(without, "limit of the CoP")
     low, high = np.array(limit.bounds).reshape(2, 2)
-    asked = nadia.COP_R + 3.0 * nadia.ERROR
+    asked = nadia_paper.COP_R + 3.0 * nadia_paper.ERROR
     assert dot(without, "eCMP asked for") == pytest.approx(asked)
     nearest = np.clip(asked, low, high)
     assert dot(without, "eCMP") == pytest.approx(nearest, abs=1e-3)
-    way = dot(with_it, "eCMP") - nadia.COP_R
-    across = way[0] * nadia.ERROR[1] - way[1] * nadia.ERROR[0]
+    way = dot(with_it, "eCMP") - nadia_paper.COP_R
+    across = way[0] * nadia_paper.ERROR[1] - way[1] * nadia_paper.ERROR[0]
     assert abs(across) < 1e-2 * np.linalg.norm(way) * 0.065
     assert limit.exterior.distance(Point(dot(with_it, "eCMP"))) < 1e-6
 
@@ -91,7 +91,7 @@ def test_figure_3_is_nearest_without_and_parallel_with_the_cost():
 def test_figure_4_nests_the_regions():
     """Oracle: containment, by shapely."""
     for ax in axes_of("4"):
-        one, two, three = (polygon(ax, name) for name in nadia.NAMES)
+        one, two, three = (polygon(ax, name) for name in nadia_paper.NAMES)
         assert two.buffer(1e-9).contains(one)
         assert three.buffer(1e-9).contains(two)
         assert one.area < two.area < three.area
@@ -104,7 +104,7 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
         swept = [Shape(patch.get_xy()) for patch in thin]
         assert len(swept) == 2 * 28
         for n, copies in (2, swept[:28]), (3, swept[28:]):
-            region = polygon(of_figure_4, nadia.NAMES[n - 1])
+            region = polygon(of_figure_4, nadia_paper.NAMES[n - 1])
             drawn = polygon(ax, f"C{'₂₃'[n - 2]}: C₁ swept by -D{'₂₃'[n - 2]}")
             assert drawn.symmetric_difference(region).area < 1e-9
             for copy in copies:
@@ -115,14 +115,14 @@ def test_figure_6_sweeps_the_very_regions_of_figure_4():
 def test_figure_8_shows_the_regions_and_how_far_they_go():
     """Oracle: the polygons of the core, mirrored by hand."""
     together, *alone = axes_of("8")
-    expected = step_regions(nadia.REACH, cross_over=True)
+    expected = step_regions(nadia_paper.REACH, cross_over=True)
     assert len(polygons(together, "reachable")) == 3
     for ax, name in zip(alone, (BASE, FORWARD, BACKWARD), strict=True):
         mirrored = Shape(expected[name] * [1.0, -1.0])
         drawn = polygon(ax, "reachable")
         assert drawn.symmetric_difference(mirrored).area < 1e-12
     written = [t.get_text() for ax in alone for t in ax.texts]
-    tip = cross_over_region(nadia.REACH, FORWARD)
+    tip = cross_over_region(nadia_paper.REACH, FORWARD)
     tip = tip[np.argmin(tip[:, 1])]
     for figure in (f"{-tip[1]:.2f} m", f"{tip[0]:.2f} m", "-0.05 m", "0.15 m"):
         assert any(text.endswith(f"= {figure}") for text in written)
@@ -133,7 +133,9 @@ def test_figure_9_obeys_the_three_rules():
     mirror = [1.0, -1.0]
     reach = {
         name: Shape(region * mirror)
-        for name, region in step_regions(nadia.REACH, cross_over=True).items()
+        for name, region in step_regions(
+            nadia_paper.REACH, cross_over=True
+        ).items()
     }
     for rule, ax in enumerate(axes_of("9"), start=1):
         capture = polygon(ax, "capture region C₃")

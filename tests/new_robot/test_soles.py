@@ -7,8 +7,13 @@ import pytest
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from nadia_balance.new_robot import shapes as soles
 from nadia_balance.new_robot.description import COLLIDING, VISUAL, Link, Shape
+from nadia_balance.new_robot.shapes import (
+    _fitted,
+    find_sole,
+    largest_rectangle,
+    sole_plane,
+)
 
 TILT = RigidTransform(RollPitchYaw(0.2, -0.3, 0.5), [0.01, 0.02, -0.03])
 UPRIGHT = RollPitchYaw(0.0, 0.0, 0.0)
@@ -64,7 +69,7 @@ def rounded() -> Shape:
 )
 def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
     """Oracle: the shapes' own figures; 1 mm where the mesh is a polyhedron."""
-    sole = soles.sole_plane(shapes, DOWN, "collision")
+    sole = sole_plane(shapes, DOWN, "collision")
     down = TILT.rotation() @ DOWN
     assert sole.down == pytest.approx(down, abs=1e-3)
     depth += TILT.translation() @ down
@@ -75,7 +80,7 @@ def test_finds_the_flat_side_of_a_tilted_foot(shapes, depth, size):
 
 def test_a_plate_has_a_capsule():
     """Oracle: by hand: 0.9 of the mean of 0.08 m and 0, the whole plate."""
-    (capsule,) = soles._fitted(Link("plate", shapes=[flat()]), 0.1)
+    (capsule,) = _fitted(Link("plate", shapes=[flat()]), 0.1)
     radius, length = (capsule.size[name] for name in ("radius", "length"))
     assert radius == pytest.approx(0.018, abs=1e-4)
     assert length + 2.0 * radius == pytest.approx(0.2, abs=1e-4)
@@ -88,7 +93,7 @@ def test_collision_comes_before_visual_unless_it_is_small():
     for colliding, source in (small, "visual"), (half, "collision"):
         shown = replace(large, role=VISUAL)
         foot = Link("foot", shapes=[colliding, shown])
-        assert soles.find_sole(foot, DOWN).source == source
+        assert find_sole(foot, DOWN).source == source
 
 
 def test_the_largest_rectangle_in_an_ellipse_and_in_two_soles():
@@ -100,11 +105,11 @@ def test_the_largest_rectangle_in_an_ellipse_and_in_two_soles():
     ellipse = np.c_[0.1 * np.cos(angle) + 0.03, 0.05 * np.sin(angle)]
     half = np.sqrt(0.5)
     expected = 0.03 - 0.1 * half, 0.03 + 0.1 * half, 0.05 * half
-    found = soles.largest_rectangle([ellipse])
+    found = largest_rectangle([ellipse])
     assert found == pytest.approx(expected, abs=1e-4)
     corners = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
     two = [corners * [0.1, 0.05] + [0.02, 0.01], corners * [0.08, 0.06]]
-    assert soles.largest_rectangle(two) == pytest.approx((-0.08, 0.08, 0.04))
+    assert largest_rectangle(two) == pytest.approx((-0.08, 0.08, 0.04))
     aside = corners * [0.1, 0.05] + [0.0, 0.06]
     with pytest.raises(ValueError, match="a part on y = 0 in common"):
-        soles.largest_rectangle([aside])
+        largest_rectangle([aside])

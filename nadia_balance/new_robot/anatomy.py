@@ -1,0 +1,211 @@
+"""Anatomy of a robot: its legs, its torso, its sides and its axes."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.state import Side
+from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+
+FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
+# Smallest cosine to the lateral axis, or of the up axis to the legs [-].
+ALONG = 0.75
+# A last pitch joint this near to one that is no knee, in bones, is a toe's.
+_TOE = 0.6
+
+# Links that the user names: of pelvis, torso, left_foot and right_foot.
+Names = Mapping[str, str]
+
+
+def two_legs(robot: Description, named: Names) -> list[Leg]:
+    """Finds the two legs; the root becomes the pelvis.
+
+    They are the pair of unbranched chains with the same number of joints, 6 or
+    7, that start at one link, with the largest product of mass and mean effort
+    limit.
+
+    Args:
+        robot: without fixed joints.
+        named: links of which the user tells the names.
+
+    Returns:
+        The legs, in arbitrary order.
+
+    Raises:
+        ValueError: no such pair exists, or a named link does not exist.
+    """
+    if named.get("pelvis"):
+        robot.reroot(robot.holder(named["pelvis"]))
+    leaves = [link for link in robot.links if not robot.children(link)]
+    feet = [robot.holder(named[name]) for name in FEET if named.get(name)]
+    pairs = []
+    for pair in itertools.combinations(dict.fromkeys(leaves + feet), 2):
+        chains = [robot.chain(link) for link in pair]
+        shared = sum(a is b for a, b in zip(*chains, strict=False))
+        one, other = (chain[shared:] for chain in chains)
+        inner = [joint.child for joint in one[:-1] + other[:-1]]
+        if (
+            len(one) == len(other)
+            and len(one) in (6, 7)
+            and set(feet) <= set(pair)
+            and len(set(feet)) == len(feet)
+            and not (named.get("pelvis") and shared)
+            and all(len(robot.children(link)) == 1 for link in inner)
+        ):
+            mass = sum(
+                robot.mass(robot.below(chain[0].child))
+                for chain in (one, other)
+            )
+            # Arms may be as heavy, not as strong.
+            strength = 1.0 + np.mean([joint.effort for joint in one + other])
+            pairs.append((mass * strength, pair, one, other))
+    if not pairs:
+        raise ValueError(
+            "legs: must be two, of 6 or 7 joints each (without ankle roll a "
+            "sole does not stay level); numbers of joints: "
+            + ", ".join(f"{len(robot.chain(end))} to {end}" for end in leaves)
+        )
+    _, pair, one, other = max(pairs, key=lambda pair: pair[0])
+    legs = [
+        Leg(foot, [joint.name for joint in chain])
+        for foot, chain in zip(pair, (one, other), strict=True)
+    ]
+    robot.reroot(one[0].parent)
+    return legs
+
+
+def _torso(robot: Description, legs: Sequence[Leg]) -> str:
+    """The link of which arms and head are children, or the pelvis."""
+    link = robot.root
+    of_legs = {leg.joints[0] for leg in legs}
+    while True:
+        masses = {
+            joint.child: robot.mass(robot.below(joint.child))
+            for joint in robot.children(link)
+            if joint.name not in of_legs
+        }
+        heaviest = max(masses, key=masses.__getitem__, default="")
+        smallest = max(0.6 * sum(masses.values()), robot.mass([link]))
+        if not heaviest or masses[heaviest] < smallest:
+            return link
+        link = heaviest
+
+
+def _snapped(direction: Array, subject: str) -> Array:
+    i = int(np.abs(direction).argmax())
+    if abs(direction[i]) < ALONG * np.linalg.norm(direction):
+        raise ValueError(
+            f"{subject}: must lie along an axis of the root's frame, all "
+            f"joints at 0; now {np.round(direction, 3)} m"
+        )
+    return np.asarray(np.sign(direction[i]) * np.eye(3)[i])
+
+
+def find_anatomy(
+    robot: Description, legs: Sequence[Leg], named: Names, notes: Notes
+) -> Anatomy:
+    """Finds torso, sides and axes of a robot.
+
+    Forward is opposite to the motion of the feet when the knees bend, or, if
+    they do not agree, from the ankles to the feet's centres of mass.
+
+    Args:
+        robot: its root is the pelvis.
+        legs: both, in any order; get the pitch joints.
+        named: links of which the user tells the names.
+        notes: get what was guessed.
+
+    Returns:
+        The anatomy.
+    """
+    poses = robot.poses()
+    feet = np.array([poses[leg.foot].translation() for leg in legs])
+    hips, _ = robot.hinges([leg.joints[0] for leg in legs], poses)
+    up = _snapped(np.mean(hips - feet, axis=0), "the legs")
+    across = feet[0] - feet[1]
+    lateral = _snapped(across - up * (up @ across), "the feet")
+    for leg in legs:
+        leg.pitches = _pitches(robot, leg, lateral)
+    forward = np.cross(lateral, up)
+    sign = _sign(robot, legs, named, forward=forward)
+    sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
+    torso = (
+        robot.holder(named["torso"])
+        if named.get("torso")
+        else _torso(robot, legs)
+    )
+    notes.add(
+        "guessed",
+        f"pelvis {robot.root}, torso {torso}, feet "
+        + ", ".join(leg.foot for leg in sides.values()),
+    )
+    for side, leg in sides.items():
+        hip, knee, ankle = leg.pitches
+        notes.add(
+            "guessed",
+            f"{side.value} leg: hip pitch {hip}, knee {knee}, "
+            f"ankle pitch {ankle}",
+        )
+    return Anatomy(
+        torso=torso,
+        legs=sides,
+        axes=np.stack([sign * forward, sign * lateral, up], axis=1),
+    )
+
+
+def _sign(
+    robot: Description, legs: Sequence[Leg], named: Names, *, forward: Array
+) -> float:
+    """+1 if `forward` (3,) is, and legs[0] the left one; -1 if not."""
+    for name, side in FEET.items():
+        if named.get(name):
+            first = robot.holder(named[name]) == legs[0].foot
+            return float(side.sign if first else -side.sign)
+    ahead = [_back(robot, leg, forward) for leg in legs]
+    if min(ahead) * max(ahead) < 1e-4:
+        poses = robot.poses()
+        ahead = [
+            forward
+            @ (
+                poses[leg.foot] @ robot.links[leg.foot].M.get_com()
+                - poses[leg.foot].translation()
+            )
+            for leg in legs
+        ]
+    return 1.0 if sum(ahead) > 0.0 else -1.0
+
+
+def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
+    """The joints of hip, knee and ankle about the `lateral` axis."""
+    points, axes = robot.hinges(leg.joints, robot.poses())
+    hinges = dict(zip(leg.joints, points, strict=True))
+    pitches = list(
+        itertools.compress(leg.joints, np.abs(axes @ lateral) > ALONG)
+    )
+    if len(pitches) < 3:
+        raise ValueError(
+            f"leg to {leg.foot}: must have hip, knee and ankle about the "
+            f"lateral axis; it has {', '.join(pitches) or 'none'}"
+        )
+    hip, *inner, ankle = pitches
+    ends = [hinges[hip], hinges[ankle]]
+    bones = {n: np.linalg.norm(ends - hinges[n], axis=1).min() for n in inner}
+    knee = max(inner, key=bones.__getitem__)
+    if inner[-1] != knee and bones[inner[-1]] < _TOE * bones[knee]:
+        raise ValueError(
+            f"joint {ankle}: must be welded, --fix {ankle}: it looks like a "
+            "toe's"
+        )
+    return [hip, knee, ankle]
+
+
+def _back(robot: Description, leg: Leg, forward: Array) -> float:
+    """Difference [m] of the foot's ranges backward and forward by the knee."""
+    knee = robot.joints[leg.knee]
+    lower, middle, upper = (
+        np.asarray(robot.poses({leg.knee: angle})[leg.foot].translation())
+        for angle in (knee.lower, knee.nearest(0.0), knee.upper)
+    )
+    return float(forward @ (2.0 * middle - lower - upper))
