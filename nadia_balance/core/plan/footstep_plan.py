@@ -567,9 +567,10 @@ class FootstepPlan:
     def shift(self, icp: Array, side: Side, feet: FootPoses) -> float:
         """The time in which the weight shifts from one foot to the other.
 
-        The ICP is on its plan, and on its way.  A CoP that moves evenly from the centre of the one to that of the other
-        in T leads an ICP there that has the share u of this way behind it, with
-        (1 - exp(-w T)) / (w T) = u.  Slower, the ICP passes the foot.
+        The ICP is on its plan, and on its way.  A CoP that moves evenly from
+        the centre of the one to that of the other in T leads an ICP there that
+        has the share u of this way behind it, with (1 - exp(-w T)) / (w T) = u.
+        Slower, the ICP passes the foot.
 
         Args:
             icp: measured ICP (2,) in W [m].
