@@ -1,5 +1,6 @@
 """The piecewise linear CoP reference through the next footsteps."""
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from nadia_balance.core.walking.state import (
 from nadia_balance.parameters.bounds import bounded, parameters
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
+_KEPT = 64  # phases of each kind
 REST_DURATION = 10.0  # [s]; long enough to count as infinite
 
 
@@ -139,9 +141,7 @@ class CopWaypoints:
         return np.asarray(self.start_time + times)
 
 
-def cop_waypoints(
-    schedule: ContactSchedule, params: IcpPlanParams, sole: Array
-) -> CopWaypoints:
+def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
     """The CoP from schedule.start through the footsteps, and to rest.
 
     In a transfer the CoP moves via mid-transfer to the entry of the new stance
@@ -150,17 +150,17 @@ def cop_waypoints(
 
     Args:
         schedule: present phase, feet and footsteps.
-        params: CoP points, and their shares of the phases.
-        sole: corners (k, 2) of either sole in its own frame [m].
+        stance: CoP points in the robot's soles.
 
     Returns:
         The CoP segments from schedule.start_time on.
 
     Raises:
-        ValueError: a swing without a footstep, or no sole within the margin.
+        ValueError: a swing without a footstep.
     """
-    steps, final_transfer = schedule.preview(params.num_previewed_steps)
-    feet, stance = schedule.feet, Stance(params, sole)
+    number = stance.params.num_previewed_steps
+    steps, final_transfer = schedule.preview(number)
+    feet = schedule.feet
     phases = []
     for i, step in enumerate(steps):
         if i > 0 or schedule.phase is Phase.TRANSFER:
@@ -199,7 +199,11 @@ class _Phase(NamedTuple):
 
 
 class Stance:
-    """The segments of each phase, for feet on the ground."""
+    """The segments of each phase, for feet on the ground.
+
+    The last phases are kept: those of a foothold that moves are asked for
+    several times, by the plan that is moved and by the one that follows it.
+    """
 
     def __init__(self, params: IcpPlanParams, sole: Array) -> None:
         """Measures the sole.
@@ -214,8 +218,11 @@ class Stance:
         self.params, self.corners = params, sole
         self.centroid = centroid(sole)
         self.inner = shrink(sole, params.margin, "margin")
+        self.transfer = functools.lru_cache(_KEPT)(self._transfer)
+        self.swing = functools.lru_cache(_KEPT)(self._swing)
+        self.final_transfer = functools.lru_cache(_KEPT)(self._final_transfer)
 
-    def transfer(self, feet: FootPoses, step: Footstep) -> _Phase:
+    def _transfer(self, feet: FootPoses, step: Footstep) -> _Phase:
         """The CoP moves to exit + mid_weight (entry - exit), then to the entry.
 
         Args:
@@ -235,7 +242,7 @@ class Stance:
             supports=[self._support(feet, *Side), self._support(feet, leading)],
         )
 
-    def swing(self, feet: FootPoses, step: Footstep) -> _Phase:
+    def _swing(self, feet: FootPoses, step: Footstep) -> _Phase:
         """The CoP moves to the ball, then to the exit, where it stays.
 
         Args:
@@ -256,7 +263,7 @@ class Stance:
             supports=3 * [self._support(feet, side)],
         )
 
-    def final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
+    def _final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
         """The CoP moves to midway between the soles, where it stays.
 
         Args:

@@ -15,6 +15,7 @@ from nadia_balance.core.math.polygon import project
 from nadia_balance.core.plan.cop_waypoints import (
     CopWaypoints,
     IcpPlanParams,
+    Stance,
     cop_waypoints,
 )
 from nadia_balance.core.walking.state import (
@@ -185,7 +186,7 @@ class IcpPlan(Immutable):
     `duration` [s] is that of the present phase (infinite when standing).  N
     segments with linear eCMPs meet at the times `knots` (N + 1,) [s] since the
     phase began.  `cop_waypoints` (N + 1, 2) [m] are the desired CoPs there,
-    `coefficients` (N, 6, 2) those of Eq. 4, and `cop` the parameters of the
+    `coefficients` (N, 6, 2) those of Eq. 4, and `stance` what places the
     CoPs.  `offset` (2,) [m] is the part of the initial ICP that no eCMP within
     the support brings to the end of the plan: it fades by e^-wt.
     """
@@ -196,7 +197,7 @@ class IcpPlan(Immutable):
     cop_waypoints: Array
     coefficients: Array
     offset: Array = field(default_factory=lambda: np.zeros(2))
-    cop: IcpPlanParams = field(default_factory=IcpPlanParams)
+    stance: Stance | None = None
     FOLLOWS_STEPS: ClassVar[bool] = False  # by itself, from the same start
 
     def __post_init__(self) -> None:
@@ -321,8 +322,9 @@ class IcpPlan(Immutable):
         new, now = replace(schedule, footsteps=steps), self.at(t)
         if self.FOLLOWS_STEPS:
             return new
-        before = self._planned_icp(schedule, t, model)
-        shift = self._planned_icp(new, t, model) - before
+        stance = self.stance or Stance(IcpPlanParams(), model.cop_area)
+        before = _planned_icp(schedule, t, stance, model.omega)
+        shift = _planned_icp(new, t, stance, model.omega) - before
         length2 = float(shift @ shift)
         along = float((icp - now.icp) @ shift)
         part = min(max(along, 0.0), length2) / max(length2, _TINY)
@@ -331,18 +333,21 @@ class IcpPlan(Immutable):
             new, start=ReferencePoint(now.com, velocity, now.cop), start_time=t
         )
 
-    def _planned_icp(
-        self, schedule: ContactSchedule, t: float, model: PointMassModel
-    ) -> Array:
-        """Returns the ICP (2,) [m] at `t` [s] that leads through `schedule`."""
-        path = cop_waypoints(schedule, self.cop, model.cop_area)
-        return np.asarray(
-            recursive_multipliers(path.knots, t, model.omega) @ path.points
-        )
+
+def _planned_icp(
+    schedule: ContactSchedule, t: float, stance: Stance, omega: float
+) -> Array:
+    """Returns the ICP (2,) [m] at `t` [s] that leads through `schedule`."""
+    path = cop_waypoints(schedule, stance)
+    multipliers = recursive_multipliers(path.knots, t, omega)
+    return np.asarray(multipliers @ path.points)
 
 
 def plan_icp(
-    schedule: ContactSchedule, params: IcpPlanParams, model: PointMassModel
+    schedule: ContactSchedule,
+    params: IcpPlanParams,
+    model: PointMassModel,
+    stance: Stance | None = None,
 ) -> IcpPlan:
     """Solves Eq. 4 of the Nadia paper for linear CoP segments.
 
@@ -355,6 +360,8 @@ def plan_icp(
         schedule: present phase, feet and footsteps.
         params: CoP points, and their shares of the phases.
         model: soles and natural frequency.
+        stance: of these parameters and soles, kept from plan to plan; None:
+            it is made.
 
     Returns:
         The plan, in W.
@@ -363,7 +370,8 @@ def plan_icp(
         ValueError: a swing without a footstep, or a sole within the margin.
     """
     omega, start = model.omega, schedule.start
-    path = cop_waypoints(schedule, params, model.cop_area)
+    stance = stance or Stance(params, model.cop_area)
+    path = cop_waypoints(schedule, stance)
     ecmp, offset = _bent(path, icp(start.com, start.com_velocity, omega), omega)
     coefficients = solve_segments(
         path.durations,
@@ -379,7 +387,7 @@ def plan_icp(
         cop_waypoints=path.points,
         coefficients=coefficients,
         offset=offset,
-        cop=params,
+        stance=stance,
     )
 
 

@@ -55,7 +55,7 @@ def test_the_first_step_of_a_walk_of_30_cm():
     length; the right foot then goes 0.3 m ahead: ball at 0.3 / 8 m, exit at
     the end of its range.  In mid-transfer: half-way from exit to entry.
     """
-    path = cop_waypoints(walk(0.3, num_steps=1), PARAMS, SOLE)
+    path = cop_waypoints(walk(0.3, num_steps=1), Stance(PARAMS, SOLE))
     entry_and_ball = [0.0, 0.13], [0.0375, 0.115]
     left_exit, middle = [0.08, 0.1], [0.15, 0.0]
     expected = [[0.0, 0.0], [0.0, 0.015], *entry_and_ball]
@@ -68,7 +68,7 @@ def test_the_first_step_of_a_walk_of_30_cm():
 
 def test_a_foot_that_lands_in_front_is_entered_at_its_front():
     """Oracle: by hand; the trailing foot is 0.3 m behind."""
-    path = cop_waypoints(walk(0.3, num_steps=2), PARAMS, SOLE)
+    path = cop_waypoints(walk(0.3, num_steps=2), Stance(PARAMS, SOLE))
     entry, exit_ = np.array([0.3 - 0.04, -0.13]), np.array([0.08, 0.1])
     np.testing.assert_allclose(path.points[6], 0.5 * (entry + exit_))
     np.testing.assert_allclose(path.points[7], entry)
@@ -78,7 +78,7 @@ def test_standing_goes_to_the_middle_and_rests_whatever_steps_come():
     """Oracle: half the final transfer to go, half to settle, then rest."""
     now = standing(start=at_rest([0.1, 0.1]))
     for schedule in now, replace(now, footsteps=walk().footsteps):
-        path = cop_waypoints(schedule, PARAMS, SOLE)
+        path = cop_waypoints(schedule, Stance(PARAMS, SOLE))
         expected = [[0.1, 0.1], [0, 0], [0, 0], [0, 0]]
         np.testing.assert_array_equal(path.points, expected)
         np.testing.assert_allclose(path.durations, [0.4, 0.4, 10.0])
@@ -86,7 +86,7 @@ def test_standing_goes_to_the_middle_and_rests_whatever_steps_come():
 
 def test_no_segment_is_too_short_to_compute():
     """Oracle: the least duration, 10 us."""
-    path = cop_waypoints(replace(walk(), duration=0.0), PARAMS, SOLE)
+    path = cop_waypoints(replace(walk(), duration=0.0), Stance(PARAMS, SOLE))
     assert min(path.durations) == 1e-5
 
 
@@ -94,11 +94,11 @@ def test_no_segment_is_too_short_to_compute():
 def test_sees_no_more_steps_than_it_previews(previewed):
     """Oracle: the walk that ends there, with the next transfer's duration."""
     params = replace(PARAMS, num_previewed_steps=previewed)
-    path = cop_waypoints(walk(num_steps=4), params, SOLE)
+    path = cop_waypoints(walk(num_steps=4), Stance(params, SOLE))
     last = 0.8 if previewed == 4 else 0.3
     short = replace(walk(num_steps=previewed), final_transfer_duration=last)
     params = replace(PARAMS, num_previewed_steps=9)
-    expected = cop_waypoints(short, params, SOLE)
+    expected = cop_waypoints(short, Stance(params, SOLE))
     np.testing.assert_array_equal(path.points, expected.points)
     np.testing.assert_array_equal(path.durations, expected.durations)
 
@@ -107,4 +107,4 @@ def test_refuses_a_swing_without_a_footstep():
     """Oracle: there is nowhere to swing to."""
     schedule = replace(walk(num_steps=0), phase=Phase.SWING)
     with pytest.raises(ValueError, match="a swing needs one in the air"):
-        cop_waypoints(schedule, PARAMS, SOLE)
+        cop_waypoints(schedule, Stance(PARAMS, SOLE))
