@@ -8,12 +8,8 @@ from typing import Any
 from pydrake.systems.framework import Context, EventStatus
 
 from nadia_balance.diagrams.closed_loop import ClosedLoop
-from nadia_balance.results.measurements import (
-    SETTLED,
-    CalmSteps,
-    LostWatch,
-    StandsWatch,
-)
+from nadia_balance.results.estimation import LostWatch
+from nadia_balance.results.measurements import SETTLED, CalmSteps, StandsWatch
 from nadia_balance.results.summary import RunInfo
 from nadia_balance.systems.signals import (
     IcpReference,

@@ -9,7 +9,6 @@ from pathlib import Path
 import nadia_balance
 
 CHECKOUT = Path(nadia_balance.__file__).resolve().parents[1]
-CODE = ("nadia_balance", "diagrams", "models", "scripts")  # in a checkout
 
 
 def versions(engine: str = "drake") -> dict[str, str]:
@@ -56,11 +55,20 @@ def commit_of(checkout: Path = CHECKOUT) -> str:
         if _git(checkout, "rev-parse", "--show-toplevel") != str(checkout):
             return ""
         head = _git(checkout, "rev-parse", "--short=10", "HEAD")
-        changes = _git(checkout, "diff", "HEAD", "--", *CODE)
+        changes = _git(
+            checkout,
+            "diff",
+            "HEAD",
+            "--",
+            "nadia_balance",
+            "diagrams",
+            "models",
+            "scripts",
+        )
         if not changes:
             return head
-        of_changes = _git(checkout, "hash-object", "--stdin", text=changes)
-        return f"{head}+{of_changes[:10]}"
+        digits = _git(checkout, "hash-object", "--stdin", text=changes)[:10]
+        return f"{head}+{digits}"
     except (OSError, subprocess.CalledProcessError):
         return ""
 

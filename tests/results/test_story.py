@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.state import Mode, Phase
-from nadia_balance.results.log import pushes, signal
+from nadia_balance.results.log import pushes, signal_view
 from nadia_balance.results.story import (
     TOLD_COMMANDS,
     direction_words,
@@ -51,11 +51,11 @@ def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
     """
     log = make_log()
     angle = np.radians(degrees) + 1.0
-    felt, walking = signal(log, "push_signal"), signal(log, "walking_signal")
+    felt, walking = signal_view(log, "push_signal"), signal_view(log, "walking_signal")
     felt.force[:2] = np.outer([np.cos(angle), np.sin(angle)], felt.force_y)
     walking.left_yaw[:] = walking.right_yaw[:] = 1.0
     first = pushes(log)[0]
-    row = signal(log, "walking_signal", first.first)
+    row = signal_view(log, "walking_signal", first.first)
     assert direction_words(row, first.force) == word
 
 
@@ -103,7 +103,7 @@ def test_tells_no_command_where_there_is_none_or_very_many():
 
 def standing_at_first(log):
     """The log of a robot that stood before it began to step, to recover."""
-    walking = signal(log, "walking_signal")
+    walking = signal_view(log, "walking_signal")
     stood = walking.phase == PHASES.index(Phase.STANDING)
     walking.mode[walking.mode == MODES.index(Mode.WALKING)] = MODES.index(
         Mode.RECOVERING
@@ -121,7 +121,7 @@ def test_tells_when_a_robot_that_stood_steps_and_stands_again():
     assert told[0] == (pytest.approx(0.5), "steps, to recover")
     assert told[1] == (pytest.approx(0.5 + 6.0 + 0.8), "stands")
     assert told[2][1].startswith("WALKED 6 steps")
-    walking = signal(log, "walking_signal")
+    walking = signal_view(log, "walking_signal")
     walking.left_x[walking.steps_taken == 6.0] += 0.3
     told = [line for _, line in telling(log, summary_of(log))]
     assert "stands" not in told and "steps, to recover" in told
