@@ -32,11 +32,14 @@ def estimation_errors(log: Log) -> Array:
     a, u = truth[:, :1], truth[:, 1:4]
     b, w = estimate[:, :1], estimate[:, 1:4]
     turn = b * u - a * w - np.cross(u, w)
-    dot = np.sum(truth[:, :4] * estimate[:, :4], axis=1, keepdims=True)
-    turn *= 2.0 * np.sign(dot)  # q and -q are the same rotation
-    move = (truth - estimate)[:, 4:7]
-    speed = (truth - estimate)[:, nq + 3 : nq + 6]
-    return np.concatenate((turn, speed, move), axis=1)
+    # q and -q are the same rotation.
+    turn *= 2.0 * np.sign(
+        np.sum(truth[:, :4] * estimate[:, :4], axis=1, keepdims=True)
+    )
+    differences = truth - estimate
+    return np.concatenate(
+        (turn, differences[:, nq + 3 : nq + 6], differences[:, 4:7]), axis=1
+    )
 
 
 def nees(log: Log) -> Array:
@@ -50,8 +53,8 @@ def nees(log: Log) -> Array:
     """
     e = estimation_errors(log)
     P = log["estimate_covariance"].reshape(-1, 9, 9)
-    products = e * np.linalg.solve(P, e[:, :, None])[:, :, 0]
-    return np.asarray(np.sum(products, axis=1))
+    weighted = np.linalg.solve(P, e[:, :, None])[:, :, 0]
+    return np.asarray(np.sum(e * weighted, axis=1))
 
 
 class LostWatch:
@@ -69,8 +72,9 @@ class LostWatch:
         Returns:
             True if it has.
         """
-        out = squared_error > LOST_NEES
-        self._since = min(self._since, time) if out else math.inf
+        self._since = (
+            min(self._since, time) if squared_error > LOST_NEES else math.inf
+        )
         return time - self._since >= LOST_AFTER - 1e-9  # times are rounded
 
 

@@ -80,8 +80,8 @@ def prepare_folder(
     """
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     folder = first = Path(f"runs/{now}_{name}" if out is None else out)
+    numbers = itertools.count(2)
     try:
-        numbers = itertools.count(2)
         while out is None and folder.exists():  # of the same second
             folder = Path(f"{first}_{next(numbers)}")
         folder.mkdir(parents=True, exist_ok=out is not None)

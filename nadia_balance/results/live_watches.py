@@ -60,9 +60,9 @@ class VelocityWatch:
         middle = 0.5 * (heading + heading_then)
         c, s = math.cos(middle), math.sin(middle)
         dx, dy = x - x_then, y - y_then
-        turned = heading - heading_then
-        moved = np.array([c * dx + s * dy, c * dy - s * dx, turned])
-        return moved / (time - then)
+        return np.array(
+            [c * dx + s * dy, c * dy - s * dx, heading - heading_then]
+        ) / (time - then)
 
 
 def velocity_lines(commanded: Array, walked: Array) -> list[str]:
@@ -104,9 +104,9 @@ def distance_outside(regions: CaptureRegions) -> float:
     if regions.adjusted is None or not regions.regions:
         return 0.0
     captures = regions.regions[-1]
+    p_W = regions.adjusted.p_WF[:2]
     if not len(captures):
         return 0.0
-    p_W = regions.adjusted.p_WF[:2]
     return math.dist(p_W, project(p_W, captures))
 
 
@@ -122,9 +122,11 @@ def distance_out_of_reach(regions: CaptureRegions) -> float:
     if not regions.regions:
         return 0.0
     captures, reach = regions.regions[-1], regions.reach
-    if not len(captures) or not len(reach):
-        return 0.0
-    if len(intersection(reach, captures)):
+    if (
+        not len(captures)
+        or not len(reach)
+        or len(intersection(reach, captures))
+    ):
         return 0.0
     return closest_point(reach, captures)[1]
 
@@ -163,9 +165,8 @@ class FallWatch:
             joint: the joint that is closest to its speed limit.
             speed_ratio: its speed per limit [-].
         """
-        swings = regions is not None and bool(regions.regions)
         words = missed_words(regions) if regions is not None else ""
-        if not swings and self._in_air:
+        if self._in_air and (regions is None or not regions.regions):
             self._landed.append((self._since, self._in_air))
         if not words or not self._in_air:
             self._since = time
@@ -191,12 +192,10 @@ class FallWatch:
             causes = [self._landed[0]]  # what came after it was too late
         if self._fast:
             _, joint, ratio = max(self._fast, key=lambda seen: seen[2])
-            percent = f"{100.0 * ratio:.0f} %"
-            cause = f"{joint} at {percent} of its speed"
+            cause = f"{joint} at {100.0 * ratio:.0f} % of its speed"
             causes.append((self._fast[0][0], cause))
         if not causes and self._errors:
-            largest = max(error for _, error in self._errors)
-            return f"ICP error {largest:.2f} m"
+            return f"ICP error {max(e for _, e in self._errors):.2f} m"
         return ", ".join(words for _, words in sorted(causes))
 
 

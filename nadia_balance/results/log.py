@@ -217,8 +217,10 @@ def velocity_commands(log: Log) -> list[tuple[float, Array]]:
         return []
     commands = log["velocity_command"]
     before = np.vstack([np.zeros(3), commands[:-1]])[: len(commands)]
-    rows = np.flatnonzero(np.any(commands != before, axis=1))
-    return [(float(log["t"][row]), commands[row]) for row in rows]
+    return [
+        (float(log["t"][row]), commands[row])
+        for row in np.flatnonzero(np.any(commands != before, axis=1))
+    ]
 
 
 @dataclass(frozen=True)
@@ -236,8 +238,9 @@ class Step:
     @property
     def error(self) -> float:
         """Horizontal distance [m] between achieved and adjusted foothold."""
-        offset = self.achieved.p_WF - self.adjusted.p_WF
-        return float(np.linalg.norm(offset[:2]))
+        return float(
+            np.linalg.norm((self.achieved.p_WF - self.adjusted.p_WF)[:2])
+        )
 
     @property
     def adjustment(self) -> Array:
@@ -288,8 +291,8 @@ def contacts(log: Log, side: Side) -> list[tuple[float, float]]:
         Start and duration [s] of each contact.
     """
     t, forces = log["t"], signal_view(log, "foot_forces")
-    weight = np.median(forces.left + forces.right)
-    loaded = foot_part(forces, side) > LOADED * weight
+    least = LOADED * np.median(forces.left + forces.right)
+    loaded = foot_part(forces, side) > least
     edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
     return [
         (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))
@@ -312,10 +315,13 @@ def landings(log: Log) -> list[float]:
         return [step.swing.end for step in steps(log)]
     times = []
     for side in Side:
-        spans = contacts(log, side)
-        for (start, duration), (landing, _) in itertools.pairwise(spans):
-            if landing - (start + duration) > BOUNCE:
-                times.append(landing)
+        times += [
+            landing
+            for (start, duration), (landing, _) in itertools.pairwise(
+                contacts(log, side)
+            )
+            if landing - (start + duration) > BOUNCE
+        ]
     return sorted(times)
 
 
@@ -331,8 +337,9 @@ def ground_regions(log: Log) -> list[Array]:
     if "ground" not in log:
         return []
     number, *corners = log["ground"].T
-    ends = np.flatnonzero(np.diff(number)) + 1
-    return np.split(np.column_stack(corners), ends)
+    return np.split(
+        np.column_stack(corners), np.flatnonzero(np.diff(number)) + 1
+    )
 
 
 def sole_pose(log: Log, row: int, side: Side) -> FootPose:
@@ -346,8 +353,7 @@ def sole_pose(log: Log, row: int, side: Side) -> FootPose:
     Returns:
         The pose in W, of height 0.
     """
-    walking = signal_view(log, "walking_signal", row)
-    return _level_pose(foot_part(walking, side))
+    return _level_pose(foot_part(signal_view(log, "walking_signal", row), side))
 
 
 def _target(log: Log, row: int) -> FootPose:
@@ -371,9 +377,8 @@ def walking_at(log: Log, row: int) -> WalkingSignal | None:
     Returns:
         The signal, None if it is not logged.
     """
-    if "walking_signal" not in log:
-        return None
-    return WalkingSignal(log["walking_signal"][row])
+    name = "walking_signal"
+    return WalkingSignal(log[name][row]) if name in log else None
 
 
 def support_side(walking: WalkingSignal) -> Side:
@@ -398,10 +403,9 @@ def push_direction(walking: WalkingSignal | None, force: Array) -> float:
     Returns:
         The angle, in [0, 360) [deg].
     """
-    yaw = 0.0
+    angle = math.atan2(force[1], force[0])
     if walking is not None:
-        yaw = foot_part(walking, support_side(walking))[2]
-    angle = math.atan2(force[1], force[0]) - yaw
+        angle -= foot_part(walking, support_side(walking))[2]
     return round(math.degrees(angle), 6) % 360.0
 
 
@@ -414,8 +418,8 @@ def icp_error(log: Log) -> Array:
     Returns:
         |icp - icp_reference| (n,) [m].
     """
-    reference = signal_view(log, "icp_reference").icp
-    return np.asarray(np.linalg.norm(log["icp"].T - reference, axis=0))
+    error = log["icp"].T - signal_view(log, "icp_reference").icp
+    return np.asarray(np.linalg.norm(error, axis=0))
 
 
 @dataclass(frozen=True)

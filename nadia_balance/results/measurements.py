@@ -155,8 +155,9 @@ def stands_square(log: Log) -> bool:
         True if it does; on regions of ground its feet may be anywhere.
     """
     walking = signal_view(log, "walking_signal", -1)
-    stands = bool(walking.phase == STANDS)
-    return stands and ("ground" in log or is_square(walking))
+    return bool(walking.phase == STANDS) and (
+        "ground" in log or is_square(walking)
+    )
 
 
 def calm_steps(log: Log) -> int:
@@ -183,8 +184,7 @@ def recovered_at(log: Log, push: PushSpan | None) -> float:
         The time [s], at least that of the end of the push; 0 without one.
     """
     begin = push.end if push else 0.0
-    after = log["t"] >= begin
-    large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
+    large = np.flatnonzero((log["t"] >= begin) & (icp_error(log) >= ICP_BACK))
     return float(log["t"][large[-1]]) if len(large) else begin
 
 
@@ -235,8 +235,9 @@ def _measure_push(log: Log, push: PushSpan) -> dict[str, Any]:
     """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
     before = np.maximum(felt - 1, 0)
-    force = signal_view(log, "push_signal", felt).force
-    impulses = force * (log["t"][felt] - log["t"][before])
+    impulses = signal_view(log, "push_signal", felt).force * (
+        log["t"][felt] - log["t"][before]
+    )
     work = None
     if "com_state" in log:
         com = signal_view(log, "com_state").velocity
@@ -309,8 +310,7 @@ def _durations(log: Log, phase: Phase) -> list[float]:
 
 def _steps_after_push(log: Log) -> int:
     """Number of landings since the last push began, or since the start."""
-    last = pushes(log)[-1:]
-    begin = last[0].start if last else -math.inf
+    begin = max((push.start for push in pushes(log)[-1:]), default=-math.inf)
     return sum(time > begin for time in landings(log))
 
 
@@ -323,8 +323,7 @@ def _stance_slip(log: Log) -> float:
     swings = [s for s in spans if s.phase is Phase.SWING]
     slips = [0.0]
     for span in swings or spans:
-        rows = slice(span.first, span.last + 1)
-        feet = signal_view(log, "foot_poses", rows)
+        feet = signal_view(log, "foot_poses", slice(span.first, span.last + 1))
         for side in filter(span.carries, Side):
             x, y, _ = foot_part(feet, side)
             slips.append(np.max(np.hypot(x - x[0], y - y[0])))
@@ -373,8 +372,9 @@ def joint_speed_ratio(log: Log) -> Array:
 
 def _powers(log: Log) -> Array:
     """Mechanical power (n, nu) [W] of each drive; negative while braking."""
-    speeds = log["state"][:, log["joint_speed_columns"]]
-    return np.asarray(log["torques"] * speeds)
+    return np.asarray(
+        log["torques"] * log["state"][:, log["joint_speed_columns"]]
+    )
 
 
 def _swing_speeds(log: Log) -> Array:
@@ -382,11 +382,9 @@ def _swing_speeds(log: Log) -> Array:
     speeds = []
     for step in steps(log):
         rows = slice(step.swing.first, step.swing.last + 2)
-        moves = np.diff(
-            foot_part(signal_view(log, "foot_poses", rows), step.side)
-        )
-        speed = np.linalg.norm(moves, axis=0) / np.diff(log["t"][rows])
-        speeds.append(np.mean(speed))
+        place = foot_part(signal_view(log, "foot_poses", rows), step.side)
+        moved = np.linalg.norm(np.diff(place), axis=0)
+        speeds.append(np.mean(moved / np.diff(log["t"][rows])))
     return np.array(speeds)
 
 
@@ -400,8 +398,11 @@ def _sole_distance(log: Log) -> float:
     heights = poses[:, :, 2]
     poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
     # The plane as complex numbers: corners (n, k) of each foot.
-    turns = np.exp(1j * poses[:, :, 3:]) * (log["sole"] @ [1.0, 1j])
-    soles = turns + poses[:, :, :1] + 1j * poses[:, :, 1:2]
+    soles = (
+        np.exp(1j * poses[:, :, 3:]) * (log["sole"] @ [1.0, 1j])
+        + poses[:, :, :1]
+        + 1j * poses[:, :, 1:2]
+    )
     left, right = np.moveaxis(soles, 1, 0)
     edges = 1j * (np.roll(soles, -1, axis=2) - soles).reshape(len(soles), -1)
     between = left[:, :, None] - right[:, None]
@@ -417,15 +418,23 @@ def _sole_distance(log: Log) -> float:
 def _edge_distances(log: Log) -> list[float]:
     """Distance [m] of each landed sole to its region's edge; < 0: outside."""
     sides = [halfspaces(region) for region in ground_regions(log)]
-    soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
     return [
-        float(max(np.min(b - sole @ A.T) for A, b in sides)) for sole in soles
+        float(
+            max(
+                np.min(b - step.achieved.to_world(log["sole"]) @ A.T)
+                for A, b in sides
+            )
+        )
+        for step in steps(log)
     ]
 
 
 def _qps(log: Log) -> list[Any]:
-    present = [name for name in QP_STATUS if name in log and len(log["t"])]
-    return [signal_view(log, name) for name in present]
+    return [
+        signal_view(log, name)
+        for name in QP_STATUS
+        if name in log and len(log["t"])
+    ]
 
 
 def _qp_failures(log: Log) -> int:
@@ -440,8 +449,9 @@ def _qp_fallbacks(log: Log) -> int:
 
 def _qp_violations(log: Log) -> Array:
     """Those of both QPs, but of solves that failed: NaN."""
-    finite = [qp.violation[np.isfinite(qp.violation)] for qp in _qps(log)]
-    return np.concatenate(finite or [[]])
+    return np.concatenate(
+        [qp.violation[np.isfinite(qp.violation)] for qp in _qps(log)] or [[]]
+    )
 
 
 # Name: the signals that are needed, and a function of a log; of an array the

@@ -27,6 +27,7 @@ from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import (
     Log,
+    PhaseSpan,
     icp_error,
     mode_spans,
     phase_spans,
@@ -101,8 +102,9 @@ def write_run(
     """
     with appearing(folder) as drafts:
         if meshcat is not None:
-            status = replay_status(log, summary)
-            write_replay(meshcat, drafts / "replay.html", status)
+            write_replay(
+                meshcat, drafts / "replay.html", replay_status(log, summary)
+            )
         np.savez(drafts / "log.npz", **log)  # type: ignore[arg-type]
         text = json.dumps(summary, indent=2, allow_nan=False)
         (drafts / "summary.json").write_text(f"{text}\n", encoding="utf-8")
@@ -122,13 +124,11 @@ def write_plots(folder: Path, log: Log, summary: dict[str, Any]) -> list[str]:
     Returns:
         The names of the files; none for a log of a single row.
     """
-    written: list[str] = []
-    if len(log["t"]) < 2:
-        return written
+    written = []
     with mpl.rc_context():
         mpl.rcdefaults()  # not the user's, such as text.usetex
         mpl.rcParams.update(RC)
-        for name, draw in PLOTS.items():
+        for name, draw in PLOTS.items() if len(log["t"]) > 1 else ():
             figure = draw(log, summary)
             if figure is not None:
                 figure.savefig(folder / name)
@@ -181,8 +181,8 @@ def _legend(colors: dict[str, str] = palette.LEGEND) -> str:
         f"{_square(color, name in palette.OUTLINED)} {name}"
         for name, color in colors.items()
     ]
-    feet = "".join(_square(palette.foot_color(side), True) for side in Side)
-    entries.append(f"{feet} foothold as adjusted")
+    feet = [_square(palette.foot_color(side), True) for side in Side]
+    entries.append(f"{''.join(feet)} foothold as adjusted")
     return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)
 
 
@@ -226,23 +226,30 @@ def _timed_story(
 ) -> list[tuple[float, str, str]]:
     """Times, lines and colours of the story; a colour of "" is the usual."""
     commands = tell_commands(log)
-    *lines, (end, result) = [
+    *lines, (end, result) = (
         line for line in telling(log, summary) if line not in commands
-    ]
-    story = [(time, " ".join(text.split()), "") for time, text in lines]
+    )
     color = "#1b7a3d" if summary["recovered"] else "#c01a2e"  # green, or red
-    return [*story, (end, result.split("   ")[0], color)]
+    return [
+        *((time, " ".join(text.split()), "") for time, text in lines),
+        (end, result.split("   ")[0], color),
+    ]
 
 
 def _jumps(log: Log) -> list[tuple[float, str, str]]:
     """Times, labels and colours of the buttons."""
-    jumps = [(push.start, "push", palette.PUSH) for push in pushes(log)]
-    for time, text in tell_commands(log):
-        jumps.append((time, text, palette.COMMAND))
-    for step in steps(log):
-        color = palette.foot_color(step.side)
-        jumps.append((step.swing.start, f"step {step.number}", color))
-    return jumps
+    return [
+        *((push.start, "push", palette.PUSH) for push in pushes(log)),
+        *((time, text, palette.COMMAND) for time, text in tell_commands(log)),
+        *(
+            (
+                step.swing.start,
+                f"step {step.number}",
+                palette.foot_color(step.side),
+            )
+            for step in steps(log)
+        ),
+    ]
 
 
 def _moments(log: Log) -> list[tuple[float, str]]:
@@ -250,23 +257,26 @@ def _moments(log: Log) -> list[tuple[float, str]]:
 
     Such as `recovering (left swing)`, or `standing`.
     """
-    phases = []
-    for span in phase_spans(log):
-        side = f"{span.swing_side.value} " * (span.phase is not Phase.STANDING)
-        phases.append((span.start, f"{side}{span.phase.value}"))
     modes = [(span.start, span.mode.value) for span in mode_spans(log)]
+    phases = [(span.start, _phase_words(span)) for span in phase_spans(log)]
     commands = [
         (time, command_words(command))
         for time, command in velocity_commands(log)
     ]
     texts = []
     for time in sorted({time for time, _ in (*modes, *phases, *commands)}):
-        mode, phase = _last(modes, time), _last(phases, time)
-        during = f" ({phase})" if phase != mode else ""
-        moment = f"{mode}{during}" if mode else phase
-        parts = moment, _last(commands, time)
-        texts.append((time, ", ".join(filter(None, parts))))
+        moment, phase = _last(modes, time), _last(phases, time)
+        if moment != phase:
+            moment = f"{moment} ({phase})" if moment else phase
+        parts = filter(None, (moment, _last(commands, time)))
+        texts.append((time, ", ".join(parts)))
     return texts
+
+
+def _phase_words(span: PhaseSpan) -> str:
+    if span.phase is Phase.STANDING:
+        return str(span.phase.value)
+    return f"{span.swing_side.value} {span.phase.value}"
 
 
 def _last(texts: list[tuple[float, str]], time: float) -> str:
@@ -287,8 +297,7 @@ def _curves(log: Log) -> list[_Strip]:
     if "weight" in log:
         forces = (log["foot_forces"] / log["weight"]).T
         label = "foot forces, up to {:.1f} of the weight"
-        colors = [palette.foot_color(side) for side in Side]
-        strips.append(_strip(forces, label, colors))
+        strips.append(_strip(forces, label, [palette.LEFT, palette.RIGHT]))
     if "effort_limits" in log:
         torque = np.max(torque_ratio(log), axis=1)
         label = "largest torque, up to {:.0%} of its limit"
@@ -298,13 +307,11 @@ def _curves(log: Log) -> list[_Strip]:
 
 def _strip(values: Array, label: str, colors: list[str]) -> _Strip:
     """A strip of `values` (..., n); a point is the largest of its share."""
-    rows = np.atleast_2d(values)
-    edges = np.linspace(0, rows.shape[1] - 1, _POINTS).astype(int)
-    peaks = np.maximum.reduceat(rows, np.unique(edges), 1)
+    edges = np.linspace(0, values.shape[-1] - 1, _POINTS).astype(int)
+    peaks = np.maximum.reduceat(np.atleast_2d(values), np.unique(edges), 1)
     largest = float(np.max(peaks))
     scaled = np.rint(100.0 * peaks / max(largest, 1e-9)).astype(int)
-    curves = [*zip(colors, scaled.tolist(), strict=True)]
-    return label.format(largest), curves
+    return label.format(largest), [*zip(colors, scaled.tolist(), strict=True)]
 
 
 class LivePage(ThreadingHTTPServer):
@@ -324,13 +331,11 @@ class LivePage(ThreadingHTTPServer):
         self._lines: list[str] = []
         self._meshcat_url = meshcat.web_url()
         self._fetch = build_opener(ProxyHandler({})).open
-        page = self._fetched("/").decode()
+        page = _TITLE.sub(_LIVE_TITLE, self._fetched("/").decode())
         # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
-        page = _TITLE.sub(_LIVE_TITLE, page)
-        live = _LIVE % _POLLED
         legend = _legend(palette.LEGEND | palette.LIVE_LEGEND)
-        self._page = _extended(page, legend, _STATUS, live).encode()
+        self._page = _extended(page, legend, _STATUS, _LIVE % _POLLED).encode()
         super().__init__(("localhost", 0), _Handler)
 
     @property
@@ -372,8 +377,9 @@ class LivePage(ThreadingHTTPServer):
         """
         if path == _POLLED:
             return json.dumps(self._lines).encode()
-        root = path.partition("?")[0] == "/"
-        return self._page if root else self._fetched(path)
+        if path.partition("?")[0] == "/":
+            return self._page
+        return self._fetched(path)
 
 
 class _Handler(BaseHTTPRequestHandler):

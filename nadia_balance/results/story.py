@@ -82,8 +82,8 @@ def telling(log: Log, summary: dict[str, Any]) -> list[tuple[float, str]]:
         ("QP violation {:.0e}", "max_qp_violation", 1.0),
         ("real-time factor {:.1f}", "real_time_factor", 1.0),
     )
-    line = "   ".join([outcome, *figures])
-    return [*story, (end, line.replace("e-0", "e-"))]
+    result = "   ".join([outcome, *figures]).replace("e-0", "e-")
+    return [*story, (end, result)]
 
 
 def chapter_words(summary: dict[str, Any]) -> str:
@@ -204,9 +204,9 @@ def moment_words(walking: WalkingSignal) -> str:
     phase = PHASES[int(walking.phase)]
     if phase is Phase.STANDING:
         return "standing"
-    share = walking.time_in_phase / walking.duration
     swing = support_side(walking).other
-    return f"{swing.value} {phase.value} {100.0 * share:.0f} %"
+    percent = 100.0 * (walking.time_in_phase / walking.duration)
+    return f"{swing.value} {phase.value} {percent:.0f} %"
 
 
 def push_words(
@@ -259,8 +259,9 @@ def move_words(step: Step) -> str:
     forward, left = step.commanded.rotation.T @ step.adjustment
     out, parts = left * step.side.sign, []
     if abs(forward) > TOLD_MOVE:
-        word = "forward" if forward > 0 else "back"
-        parts.append(f"{word} {abs(forward):.2f} m")
+        parts.append(
+            f"{'forward' if forward > 0 else 'back'} {abs(forward):.2f} m"
+        )
     if abs(out) > TOLD_MOVE:
         parts.append(f"{'out' if out > 0 else 'in'} {abs(out):.2f} m")
     return " and ".join(parts)
@@ -275,16 +276,17 @@ def command_words(command: Array) -> str:
     Returns:
         Such as `commanded forward 0.30 m/s`, or `commanded to stand`.
     """
-    forward, left, turn = command.tolist()
-    words = []
-    if forward:
-        word = "forward" if forward > 0.0 else "backward"
-        words.append(f"{word} {abs(forward):.2f} m/s")
-    if left:
-        words.append(f"{'left' if left > 0.0 else 'right'} {abs(left):.2f} m/s")
-    if turn:
-        side = "left" if turn > 0.0 else "right"
-        words.append(f"turn {side} {abs(turn):.2f} rad/s")
+    words = [
+        f"{positive if value > 0.0 else negative} {abs(value):.2f} {unit}"
+        for value, positive, negative, unit in zip(
+            command.tolist(),
+            ("forward", "left", "turn left"),
+            ("backward", "right", "turn right"),
+            ("m/s", "m/s", "rad/s"),
+            strict=True,
+        )
+        if value
+    ]
     return f"commanded {', '.join(words) or 'to stand'}"
 
 
@@ -297,14 +299,13 @@ def recovery_words(count: int) -> str:
     Returns:
         Such as `RECOVERED in 2 steps`, or `RECOVERED without a step`.
     """
-    plural = "" if count == 1 else "s"
-    how = f"in {count} step{plural}" if count else "without a step"
-    return f"RECOVERED {how}"
+    if not count:
+        return "RECOVERED without a step"
+    return f"RECOVERED in {count} step{'' if count == 1 else 's'}"
 
 
 def _tell_push(log: Log, push: PushSpan) -> str:
-    walking = walking_at(log, push.first)
-    words = push_words(walking, push.force, push.delta_v)
+    words = push_words(walking_at(log, push.first), push.force, push.delta_v)
     newtons = float(np.linalg.norm(push.force))
     force = signal_view(log, "push_signal", push.rows).force
     least = np.min(np.linalg.norm(force, axis=0))
@@ -315,8 +316,7 @@ def _tell_push(log: Log, push: PushSpan) -> str:
 
 def _tell_steps(log: Log) -> list[tuple[float, str]]:
     """Times and lines of steps whose foothold or durations were changed."""
-    pushed = pushes(log)
-    begin = pushed[0].start if pushed else -math.inf
+    begin = min((push.start for push in pushes(log)), default=-math.inf)
     later = [step for step in steps(log) if step.swing.end > begin]
     lines = []
     for number, step in enumerate(later, start=1):
@@ -326,8 +326,9 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
         changes.append(_tell_time("swing", step.swing))
         text = ", ".join(filter(None, changes))
         if text:
-            name = f"{_ORDINALS.get(number, f'{number}th')} step"
-            lines.append((step.swing.end, f"{name} ({step.side.value}) {text}"))
+            ordinal = _ORDINALS.get(number, f"{number}th")
+            line = f"{ordinal} step ({step.side.value}) {text}"
+            lines.append((step.swing.end, line))
     return lines
 
 
@@ -364,8 +365,9 @@ def _tell_modes(log: Log) -> list[tuple[float, str]]:
         walking = signal_view(log, "walking_signal", span.first)
         if span.phase is not Phase.STANDING or not span.first:
             continue
-        square = "ground" in log or is_square(walking)
-        if square and walking.steps_taken > taken:
+        if walking.steps_taken > taken and (
+            "ground" in log or is_square(walking)
+        ):
             lines.append((span.start, "stands"))
         taken = walking.steps_taken
     return lines

@@ -85,19 +85,17 @@ class Run:
         recovered = outcome == "recovered"
         measurements = measure(self.logs)
         duration = measurements["duration_s"] or 0.0  # None without rows
-        conditions = vars(self.info).copy()
-        required_calm_steps = conditions.pop("calm_steps")
-        conditions.pop("max_torso_tilt_deg")
+        criteria = "calm_steps", "max_torso_tilt_deg"
         summary = {
             "outcome": outcome,
             "recovered": recovered,
             "reason": reason,
             "fell_at": self.fell_at,
-            **conditions,
+            **{n: v for n, v in vars(self.info).items() if n not in criteria},
             **measurements,
             "duration_s": duration,
             "recovery_time_s": recovery_time(self.logs) if recovered else None,
-            "required_calm_steps": required_calm_steps,
+            "required_calm_steps": self.info.calm_steps,
             "missed_pushes": self.missed_pushes,
             "improper_contacts": list(self.improper_contacts),
             "self_contacts": [
@@ -116,12 +114,10 @@ class Run:
 
 def _judge(run: Run) -> tuple[str, str]:
     """The outcome, and the reason of one other than recovered."""
-    cause = failure(run)
-    if cause:
-        return "failed", cause
-    doubt = _doubt(run)
-    if doubt:
-        return "undecided", doubt
+    for outcome, judge in ("failed", failure), ("undecided", _doubt):
+        reason = judge(run)
+        if reason:
+            return outcome, reason
     shortfall = _shortfall(run)
     if not shortfall:
         return "recovered", ""
@@ -194,9 +190,9 @@ def _shortfall(run: Run) -> str:
 
 def _policy_shortfall(log: Log) -> str:
     """The criterion without an ICP: it steps, if it is told to."""
-    moves = log.get("velocity_command", np.zeros((1, 3)))[-1].any()
+    commands = log.get("velocity_command", np.zeros((1, 3)))
     late = sum(time > log["t"][-1] - STEADY for time in landings(log))
-    if late > 1 or not moves:
+    if late > 1 or not commands[-1].any():
         return ""
     return f"it did not step in the last {STEADY:g} s"
 
@@ -208,14 +204,13 @@ def _had_time(run: Run) -> bool:
     does not walk, and had PATIENCE_TIME.
     """
     log = run.logs
-    last = pushes(log)[-1:]
-    begin = last[0].end if last else 0.0
+    begin = max((push.end for push in pushes(log)[-1:]), default=0.0)
     left = log["t"][-1] - begin
     if "icp" not in log:
         return bool(left >= STEADY)
+    stands = bool(signal_view(log, "walking_signal", -1).phase == STANDS)
     taken = sum(time > begin for time in landings(log))
-    walks = signal_view(log, "walking_signal", -1).phase != STANDS
-    return taken >= PATIENCE or bool(not walks and left >= PATIENCE_TIME)
+    return taken >= PATIENCE or bool(stands and left >= PATIENCE_TIME)
 
 
 def _overload(log: Log) -> str:

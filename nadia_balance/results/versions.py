@@ -21,11 +21,13 @@ def versions(engine: str = "drake") -> dict[str, str]:
         A version by name, "not installed" if there is none; in a checkout
         with git, `commit` is the present one (see commit_of).
     """
-    packages = ["nadia_balance", "drake", "daqp", "numpy", engine]
     commit = commit_of()
     return {
         "python": platform.python_version(),
-        **{package: _version(package) for package in packages},
+        **{
+            package: _version(package)
+            for package in ("nadia_balance", "drake", "daqp", "numpy", engine)
+        },
         **({"commit": commit} if commit else {}),
     }
 

@@ -17,7 +17,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, start
 from nadia_balance.results.log import signal_view
 from nadia_balance.systems.signals import PHASES
-from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
+from nadia_balance.view.live_controls import PUSH, SIZE
 from nadia_balance.view.scene import GHOST, start_meshcat
 from tests import run_cache
 from tests.blocks import answer
