@@ -86,7 +86,7 @@ class RecoveryWatch:
             return False
         steps_taken, error = gait_and_error(self._diagram, context)
         waiting = bool(push_signal(self._diagram, context).waiting)
-        calm = self._calm.look(now, steps_taken, error, waiting)
+        calm = self._calm.look(steps_taken, error, waiting)
         port = self._diagram.controller.GetOutputPort("walking_signal")
         walking = WalkingSignal(read(port, context))
         stood = self._stands.look(now, walking, error, waiting)

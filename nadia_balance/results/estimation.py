@@ -53,8 +53,9 @@ def nees(log: Log) -> Array:
     """
     e = estimation_errors(log)
     P = log["estimate_covariance"].reshape(-1, 9, 9)
-    weighted = np.linalg.solve(P, e[:, :, None])[:, :, 0]
-    return np.asarray(np.sum(e * weighted, axis=1))
+    return np.asarray(
+        np.sum(e * np.linalg.solve(P, e[:, :, None])[:, :, 0], axis=1)
+    )
 
 
 class LostWatch:

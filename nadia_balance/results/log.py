@@ -147,11 +147,12 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
         return []
     t, walking = log["t"], signal_view(log, "walking_signal")
     last = len(t) - 1
-    counts = [walking.phase, walking.support_side, walking.steps_taken]
-    changed = np.any(np.diff(np.stack(counts)) != 0.0, axis=0)
+    counts = np.stack(
+        [walking.phase, walking.support_side, walking.steps_taken]
+    )
+    changed = np.any(np.diff(counts) != 0.0, axis=0)
     # A transfer may follow another one: to stand, and then to a step.
     changed |= np.diff(walking.time_in_phase) < 0.0
-    edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(t)]
     return [
         PhaseSpan(
             phase=PHASES[int(walking.phase[first])],
@@ -163,7 +164,9 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
             planned=float(walking.duration[first]),
             complete=end <= last,
         )
-        for first, end in itertools.pairwise(edges)
+        for first, end in itertools.pairwise(
+            [0, *(np.flatnonzero(changed) + 1).tolist(), len(t)]
+        )
     ]
 
 
@@ -172,7 +175,6 @@ class ModeSpan:
     """A time in which the mode stays the same."""
 
     mode: Mode
-    first: int  # row in the log
     start: float  # [s]
     end: float  # [s]
 
@@ -189,15 +191,15 @@ def mode_spans(log: Log) -> list[ModeSpan]:
     if "walking_signal" not in log or not len(log["t"]):
         return []
     t, mode = log["t"], signal_view(log, "walking_signal").mode
-    edges = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(t) - 1]
     return [
         ModeSpan(
             mode=MODES[int(mode[first])],
-            first=first,
             start=float(t[first]),
             end=float(t[last]),
         )
-        for first, last in itertools.pairwise(edges)
+        for first, last in itertools.pairwise(
+            [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(t) - 1]
+        )
     ]
 
 
@@ -291,8 +293,8 @@ def contacts(log: Log, side: Side) -> list[tuple[float, float]]:
         Start and duration [s] of each contact.
     """
     t, forces = log["t"], signal_view(log, "foot_forces")
-    least = LOADED * np.median(forces.left + forces.right)
-    loaded = foot_part(forces, side) > least
+    weight = np.median(forces.left + forces.right)
+    loaded = foot_part(forces, side) > LOADED * weight
     edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
     return [
         (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))
@@ -313,16 +315,14 @@ def landings(log: Log) -> list[float]:
     """
     if "walking_signal" in log or "foot_forces" not in log:
         return [step.swing.end for step in steps(log)]
-    times = []
-    for side in Side:
-        times += [
-            landing
-            for (start, duration), (landing, _) in itertools.pairwise(
-                contacts(log, side)
-            )
-            if landing - (start + duration) > BOUNCE
-        ]
-    return sorted(times)
+    return sorted(
+        landing
+        for side in Side
+        for (start, duration), (landing, _) in itertools.pairwise(
+            contacts(log, side)
+        )
+        if landing - (start + duration) > BOUNCE
+    )
 
 
 def ground_regions(log: Log) -> list[Array]:

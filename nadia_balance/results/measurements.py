@@ -38,19 +38,16 @@ class CalmSteps:
     """Counts, tick by tick, the whole steps with a small ICP error.
 
     They follow the last push; from one landing to the next the error is always
-    below ICP_BACK.  `since` [s] and `taken` are the time of the last large
-    error or push, and the number of steps taken until then.
+    below ICP_BACK.  `taken` is the number of steps taken until the last large
+    error or push.
     """
 
-    since, taken = 0.0, 0
+    taken = 0
 
-    def look(
-        self, time: float, steps_taken: int, error: float, pushed: bool | float
-    ) -> int:
+    def look(self, steps_taken: int, error: float, pushed: bool | float) -> int:
         """Returns the number of calm steps until now.
 
         Args:
-            time: now [s].
             steps_taken: number of steps that have landed.
             error: ICP error [m].
             pushed: whether a push acts, or is still to come.
@@ -59,7 +56,7 @@ class CalmSteps:
             The number.
         """
         if pushed or not error < ICP_BACK:
-            self.since, self.taken = time, steps_taken
+            self.taken = steps_taken
         return max(steps_taken - self.taken - 1, 0)
 
 
@@ -89,8 +86,12 @@ class StandsWatch:
         Returns:
             The time [s].
         """
-        stands = bool(walking.phase == STANDS) and is_square(walking)
-        if pushed or not error < ICP_BACK or not stands:
+        if (
+            pushed
+            or not error < ICP_BACK
+            or walking.phase != STANDS
+            or not is_square(walking)
+        ):
             self._since = math.inf
             return 0.0
         self._since = min(self._since, time)
@@ -140,8 +141,8 @@ def walked_velocity(log: Log) -> tuple[Array, float] | None:
     watch, velocity = VelocityWatch(window), []
     places = signal_view(log, "com_state").position[:2].T
     for row, (time, place) in enumerate(zip(log["t"], places, strict=True)):
-        heading = _heading(signal_view(log, "walking_signal", row))
-        velocity.append(watch.look(float(time), place, heading))
+        walking = signal_view(log, "walking_signal", row)
+        velocity.append(watch.look(float(time), place, _heading(walking)))
     return np.array(velocity), window
 
 
@@ -266,8 +267,7 @@ def body_sway(log: Log) -> Array:
     """
     feet = signal_view(log, "walking_signal")
     middle = 0.5 * (feet.left[:2] + feet.right[:2])
-    com = signal_view(log, "com_state").position
-    away = np.hypot(*(com[:2] - middle))
+    away = np.hypot(*(signal_view(log, "com_state").position[:2] - middle))
     return np.asarray(np.degrees(np.arctan2(away, com_height(log))))
 
 

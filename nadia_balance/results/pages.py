@@ -106,8 +106,10 @@ def write_run(
                 meshcat, drafts / "replay.html", replay_status(log, summary)
             )
         np.savez(drafts / "log.npz", **log)  # type: ignore[arg-type]
-        text = json.dumps(summary, indent=2, allow_nan=False)
-        (drafts / "summary.json").write_text(f"{text}\n", encoding="utf-8")
+        (drafts / "summary.json").write_text(
+            json.dumps(summary, indent=2, allow_nan=False) + "\n",
+            encoding="utf-8",
+        )
         (drafts / "scenario.yaml").write_text(scenario, encoding="utf-8")
         write_plots(drafts, log, summary)
     return [name for name in FILES if (folder / name).exists()]
@@ -268,8 +270,8 @@ def _moments(log: Log) -> list[tuple[float, str]]:
         moment, phase = _last(modes, time), _last(phases, time)
         if moment != phase:
             moment = f"{moment} ({phase})" if moment else phase
-        parts = filter(None, (moment, _last(commands, time)))
-        texts.append((time, ", ".join(parts)))
+        words = filter(None, (moment, _last(commands, time)))
+        texts.append((time, ", ".join(words)))
     return texts
 
 
@@ -292,16 +294,25 @@ def _curves(log: Log) -> list[_Strip]:
     """The strips that the log has the data for."""
     strips = []
     if "icp_reference" in log:
-        label = "ICP error, up to {:.2f} m"
-        strips.append(_strip(icp_error(log), label, [palette.ICP]))
+        strips.append(
+            _strip(icp_error(log), "ICP error, up to {:.2f} m", [palette.ICP])
+        )
     if "weight" in log:
-        forces = (log["foot_forces"] / log["weight"]).T
-        label = "foot forces, up to {:.1f} of the weight"
-        strips.append(_strip(forces, label, [palette.LEFT, palette.RIGHT]))
+        strips.append(
+            _strip(
+                (log["foot_forces"] / log["weight"]).T,
+                label="foot forces, up to {:.1f} of the weight",
+                colors=[palette.LEFT, palette.RIGHT],
+            )
+        )
     if "effort_limits" in log:
-        torque = np.max(torque_ratio(log), axis=1)
-        label = "largest torque, up to {:.0%} of its limit"
-        strips.append(_strip(torque, label, [palette.SUPPORT]))
+        strips.append(
+            _strip(
+                np.max(torque_ratio(log), axis=1),
+                label="largest torque, up to {:.0%} of its limit",
+                colors=[palette.SUPPORT],
+            )
+        )
     return strips
 
 
@@ -334,8 +345,12 @@ class LivePage(ThreadingHTTPServer):
         page = _TITLE.sub(_LIVE_TITLE, self._fetched("/").decode())
         # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
-        legend = _legend(palette.LEGEND | palette.LIVE_LEGEND)
-        self._page = _extended(page, legend, _STATUS, _LIVE % _POLLED).encode()
+        self._page = _extended(
+            page,
+            _legend(palette.LEGEND | palette.LIVE_LEGEND),
+            _STATUS,
+            _LIVE % _POLLED,
+        ).encode()
         super().__init__(("localhost", 0), _Handler)
 
     @property

@@ -165,7 +165,7 @@ class LiveStory:
             news.append(self.last_push)
         self._number = float(push.number)
         pushed = push.number > 0.0
-        calm = self._calm.look(time, taken, error, pushed)
+        calm = self._calm.look(taken, error, pushed)
         stood = self._stands.look(time, walking, error, pushed)
         if self._pushed_after is None:
             return news
@@ -204,9 +204,9 @@ def moment_words(walking: WalkingSignal) -> str:
     phase = PHASES[int(walking.phase)]
     if phase is Phase.STANDING:
         return "standing"
-    swing = support_side(walking).other
-    percent = 100.0 * (walking.time_in_phase / walking.duration)
-    return f"{swing.value} {phase.value} {percent:.0f} %"
+    side = support_side(walking).other.value
+    share = walking.time_in_phase / walking.duration
+    return f"{side} {phase.value} {100.0 * share:.0f} %"
 
 
 def push_words(
@@ -310,8 +310,8 @@ def _tell_push(log: Log, push: PushSpan) -> str:
     force = signal_view(log, "push_signal", push.rows).force
     least = np.min(np.linalg.norm(force, axis=0))
     sign = "=" if least > 0.999 * newtons else "<="
-    seconds = push.end - push.start
-    return f"{words:<44}  F {sign} {newtons:.0f} N for {seconds:.2f} s"
+    size = f"F {sign} {newtons:.0f} N for {push.end - push.start:.2f} s"
+    return f"{words:<44}  {size}"
 
 
 def _tell_steps(log: Log) -> list[tuple[float, str]]:
@@ -327,8 +327,9 @@ def _tell_steps(log: Log) -> list[tuple[float, str]]:
         text = ", ".join(filter(None, changes))
         if text:
             ordinal = _ORDINALS.get(number, f"{number}th")
-            line = f"{ordinal} step ({step.side.value}) {text}"
-            lines.append((step.swing.end, line))
+            lines.append(
+                (step.swing.end, f"{ordinal} step ({step.side.value}) {text}")
+            )
     return lines
 
 

@@ -85,13 +85,16 @@ class Run:
         recovered = outcome == "recovered"
         measurements = measure(self.logs)
         duration = measurements["duration_s"] or 0.0  # None without rows
-        criteria = "calm_steps", "max_torso_tilt_deg"
         summary = {
             "outcome": outcome,
             "recovered": recovered,
             "reason": reason,
             "fell_at": self.fell_at,
-            **{n: v for n, v in vars(self.info).items() if n not in criteria},
+            **{
+                name: value
+                for name, value in vars(self.info).items()
+                if name not in ("calm_steps", "max_torso_tilt_deg")
+            },
             **measurements,
             "duration_s": duration,
             "recovery_time_s": recovery_time(self.logs) if recovered else None,
@@ -180,8 +183,8 @@ def _shortfall(run: Run) -> str:
     stands = signal_view(log, "walking_signal", -1).phase == STANDS
     if required and not stands:
         return f"{shortfall} for {required} whole steps"
-    settled = log["t"] >= log["t"][-1] - SETTLED
-    if not np.all(icp_error(log)[settled] < ICP_BACK):
+    late = log["t"] >= log["t"][-1] - SETTLED
+    if not np.all(icp_error(log)[late] < ICP_BACK):
         return shortfall
     if stands and not stands_square(log):
         return "it stands, but its feet are not side by side"

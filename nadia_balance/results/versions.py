@@ -69,19 +69,18 @@ def commit_of(checkout: Path = CHECKOUT) -> str:
         )
         if not changes:
             return head
-        digits = _git(checkout, "hash-object", "--stdin", text=changes)[:10]
-        return f"{head}+{digits}"
+        digest = _git(checkout, "hash-object", "--stdin", text=changes)
+        return f"{head}+{digest[:10]}"
     except (OSError, subprocess.CalledProcessError):
         return ""
 
 
 def _git(folder: Path, *arguments: str, text: str = "") -> str:
-    done = subprocess.run(
+    return subprocess.run(
         ["git", "-C", str(folder), *arguments],
         input=text,
         capture_output=True,
         check=True,
         encoding="utf-8",
         errors="replace",
-    )
-    return done.stdout.strip()
+    ).stdout.strip()

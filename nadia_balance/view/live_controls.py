@@ -1,15 +1,11 @@
 """Buttons, sliders and a gamepad in Meshcat, for the user of a live session."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import (
-    Context,
-    DiscreteValues,
-    EventStatus,
-    LeafSystem,
-)
+from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import LABELS, Mechanisms
@@ -85,11 +81,13 @@ class LiveControls(LeafSystem):
             meshcat.SetSliderValue(name, value)
         self._add_commands()
         self._show_mechanisms(on.as_vector())
-        self._push = self.DeclareDiscreteState([0.0, *self.aimed_push()])
-        self._on = self.DeclareDiscreteState(on.as_vector())
-        self._command = self.DeclareDiscreteState(len(COMMANDS))
+        aimed: Any = [0.0, *self.aimed_push()]
+        switches: Any = on.as_vector()
+        self._push: Any = self.DeclareDiscreteState(aimed)
+        self._on: Any = self.DeclareDiscreteState(switches)
+        self._command: Any = self.DeclareDiscreteState(len(COMMANDS))
         # Clicks on PUSH before this run, and those on HALT that were heard.
-        self._clicks = self.DeclareDiscreteState(2)
+        self._clicks: Any = self.DeclareDiscreteState(2)
         self.DeclareStateOutputPort("live_push", self._push)
         self.DeclareStateOutputPort("mechanisms", self._on)
         self.DeclareStateOutputPort("velocity_command", self._command)
@@ -148,7 +146,7 @@ class LiveControls(LeafSystem):
                 increment_keycode=higher,
             )
 
-    def _show_mechanisms(self, on: Array) -> None:
+    def _show_mechanisms(self, on: Any) -> None:
         """Replaces all toggle buttons, which resets their clicks."""
         # All are replaced: a single new label would change their order.
         for name in LABELS:
@@ -157,19 +155,23 @@ class LiveControls(LeafSystem):
         for name, is_on in zip(LABELS, on, strict=True):
             self._meshcat.AddButton(_label(name, is_on))
 
-    def _begin(self, context: Context, state: DiscreteValues) -> EventStatus:
+    def _begin(self, context: Any, state: Any) -> EventStatus:
         """Shows what is on, and forgets the clicks before, for a new run."""
         # A button that is added again comes last, and hears its key twice.
-        clicks = [self._meshcat.GetButtonClicks(name) for name in (PUSH, HALT)]
-        state.set_value(self._clicks, clicks)
+        state.set_value(
+            self._clicks,
+            [self._meshcat.GetButtonClicks(name) for name in (PUSH, HALT)],
+        )
         self._show_mechanisms(context.get_discrete_state(self._on).value())
         state.get_mutable_vector(self._push)[0] = 0.0
         return EventStatus.Succeeded()
 
-    def _poll(self, context: Context, state: DiscreteValues) -> EventStatus:
+    def _poll(self, context: Any, state: Any) -> EventStatus:
         before, heard = context.get_discrete_state(self._clicks).value()
-        pushes = self._meshcat.GetButtonClicks(PUSH) - before
-        state.set_value(self._push, [pushes, *self.aimed_push()])
+        state.set_value(
+            self._push,
+            [self._meshcat.GetButtonClicks(PUSH) - before, *self.aimed_push()],
+        )
         halts = self._meshcat.GetButtonClicks(HALT)
         if halts > heard:
             for name in COMMANDS:
@@ -204,7 +206,7 @@ def stick_command(axes: Sequence[float], limits: Array) -> Array:
     pushed = -np.array([down, right, clockwise])
     beyond = np.maximum(np.abs(pushed) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
     least, greatest = limits
-    return np.where(pushed > 0.0, beyond * greatest, beyond * least)
+    return np.asarray(beyond * np.where(pushed > 0.0, greatest, least))
 
 
 def slider_step(limit: float) -> float:
@@ -217,8 +219,10 @@ def slider_step(limit: float) -> float:
         The largest of STEPS of which the limit has LEAST_STEPS, or the
         smallest.
     """
-    fine = [step for step in STEPS if LEAST_STEPS * step <= limit + 1e-9]
-    return max(fine, default=STEPS[-1])
+    return max(
+        (step for step in STEPS if LEAST_STEPS * step <= limit + 1e-9),
+        default=STEPS[-1],
+    )
 
 
 def _label(name: str, on: float) -> str:

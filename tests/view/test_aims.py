@@ -24,7 +24,7 @@ def test_the_way_is_that_of_a_point_ahead(command):
     """Oracle: the robot's motion, integrated by 1,000 small steps."""
     forward, left, turn = command
     x, y, yaw, steps = 0.0, 0.0, 0.0, 1000
-    dt = aims.SHOWN / steps
+    dt = aims.HORIZON / steps
     for _ in range(steps):
         middle = yaw + 0.5 * turn * dt
         x += (forward * math.cos(middle) - left * math.sin(middle)) * dt

@@ -83,8 +83,8 @@ def draw(log: Log, summary: dict[str, Any]) -> Figure | None:
         loc="center left",
         bbox_to_anchor=(1.01, 0.5),
     )
-    times = f"{log['t'][first]:.2f} to {log['t'][last]:.2f} s"
-    ax.set_title(title(summary, f"Footsteps, {times}"))
+    start, end = log["t"][[first, last]]
+    ax.set_title(title(summary, f"Footsteps, {start:.2f} to {end:.2f} s"))
     return fig
 
 
@@ -125,23 +125,30 @@ def _limits(
     poses = [sole_pose(log, first, side) for side in Side]
     for step in shown:
         poses += [step.achieved, step.commanded]
-    soles = [pose.to_world(log["sole"]) for pose in poses]
     rows = slice(first, last + 1)
-    cop = signal_view(log, "ecmp_command", rows).cop.T
-    points = np.concatenate([log["icp"][rows], cop, *soles])
+    points = np.concatenate(
+        [
+            log["icp"][rows],
+            signal_view(log, "ecmp_command", rows).cop.T,
+            *(pose.to_world(log["sole"]) for pose in poses),
+        ]
+    )
     points = points[np.all(np.isfinite(points), axis=1)]
     return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
 
 
 def _draw_paths(ax: Axes, log: Log, rows: slice) -> None:
     command = signal_view(log, "ecmp_command", rows)
-    com = signal_view(log, "com_state", rows).position[:2]
-    reference = signal_view(log, "icp_reference", rows).icp
     ax.plot(*command.ecmp, color=palette.ECMP, label="eCMP", lw=1.0)
     ax.plot(*command.cop, color=palette.COP, label="CoP", lw=1.4)
-    ax.plot(*com, color=palette.COM, label="CoM", lw=1.3)
     ax.plot(
-        *reference,
+        *signal_view(log, "com_state", rows).position[:2],
+        color=palette.COM,
+        label="CoM",
+        lw=1.3,
+    )
+    ax.plot(
+        *signal_view(log, "icp_reference", rows).icp,
         color=palette.ICP_REFERENCE,
         label="ICP reference",
         lw=1.6,
@@ -178,22 +185,37 @@ def _draw_footholds(ax: Axes, log: Log, first: int, shown: list[Step]) -> None:
     """Draws the soles at row `first` and the steps after it."""
     sole = log["sole"]
     for side in Side:
-        corners = sole_pose(log, first, side).to_world(sole)
-        draw_sole(ax, corners, side, alpha=0.06, linestyle=":")
+        draw_sole(
+            ax,
+            sole_pose(log, first, side).to_world(sole),
+            side,
+            alpha=0.06,
+            linestyle=":",
+        )
     drawn: dict[Side, list[Array]] = {side: [] for side in Side}
     for step in shown:
         start, end = step.commanded.p_WF[:2], step.achieved.p_WF[:2]
         near = any(np.linalg.norm(end - p) < NEAR for p in drawn[step.side])
-        # Only one fill and number for several near footholds.
-        alpha = 0.0 if near else _FILL
         draw_sole(ax, step.commanded.to_world(sole), step.side, linestyle="--")
-        draw_sole(ax, step.achieved.to_world(sole), step.side, alpha)
+        # Only one fill and number for several near footholds.
+        draw_sole(
+            ax,
+            step.achieved.to_world(sole),
+            step.side,
+            alpha=0.0 if near else _FILL,
+        )
         if not near:
             drawn[step.side].append(end)
             _number(ax, step, sole)
         if _is_moved(step):
-            head = "->,head_width=0.25,head_length=0.5"
-            arrow(ax, start, end, FAINT, width=1.2, style=head)
+            arrow(
+                ax,
+                start,
+                end,
+                FAINT,
+                width=1.2,
+                style="->,head_width=0.25,head_length=0.5",
+            )
 
 
 def _is_moved(step: Step) -> bool:
@@ -261,5 +283,10 @@ def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:
             markevery=[1],
         )
     for side in Side:
-        nowhere, label = np.full((1, 2), np.nan), f"{side.value} foot"
-        fill(ax, nowhere, palette.foot_color(side), label, alpha=_FILL)
+        fill(
+            ax,
+            np.full((1, 2), np.nan),
+            palette.foot_color(side),
+            label=f"{side.value} foot",
+            alpha=_FILL,
+        )

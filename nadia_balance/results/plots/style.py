@@ -66,8 +66,11 @@ def key(
         handles: artists with a label.
         columns: columns of the legend, by default all in one row.
     """
-    columns = columns or max(len(handles), 1)
-    fig.legend(handles=handles, loc="outside lower center", ncols=columns)
+    fig.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=columns or max(len(handles), 1),
+    )
 
 
 def title(summary: dict[str, Any], name: str) -> str:
@@ -82,8 +85,9 @@ def title(summary: dict[str, Any], name: str) -> str:
     """
     run = [summary["robot"], summary["mechanisms"]]
     for push in summary["pushes"]:
-        direction = f"{push['direction_deg']:.0f}°"
-        run.append(f"push {push['delta_v']:.2f} m/s at {direction}")
+        run.append(
+            f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
+        )
     if summary["fell_at"] is not None:
         run.append(f"fell at {summary['fell_at']:.2f} s")
     elif summary["pushes"]:
@@ -148,17 +152,16 @@ def arrow(
         width: width of its line, in points.
         style: arrow style of matplotlib.
     """
-    properties = {
-        "arrowstyle": style,
-        "color": color,
-        "linewidth": width,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
     ax.annotate(
         "",
         xy=(end[0], end[1]),
         xytext=(start[0], start[1]),
-        arrowprops=properties,
+        arrowprops={
+            "arrowstyle": style,
+            "color": color,
+            "linewidth": width,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
         zorder=5,
     )

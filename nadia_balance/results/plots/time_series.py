@@ -105,8 +105,13 @@ def time_axes(
 
 def _shade(ax: Axes, log: Log, swings: list[PhaseSpan]) -> None:
     for span in swings:
-        color = palette.foot_color(span.swing_side)
-        ax.axvspan(span.start, span.end, lw=0, color=color, alpha=_SWING)
+        ax.axvspan(
+            span.start,
+            span.end,
+            lw=0,
+            color=palette.foot_color(span.swing_side),
+            alpha=_SWING,
+        )
     for push in pushes(log):
         ax.axvspan(
             push.start,
@@ -130,8 +135,9 @@ def _key_to_shades(log: Log, swings: list[PhaseSpan]) -> list[Patch]:
         if side in swung
     ]
     if pushes(log):
-        push = Patch(label="push", color=palette.PUSH, alpha=_PUSH, lw=0)
-        patches.append(push)
+        patches.append(
+            Patch(label="push", color=palette.PUSH, alpha=_PUSH, lw=0)
+        )
     return patches
 
 
@@ -183,8 +189,9 @@ def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
         panels.append((1.8, _draw_forces))
     if not panels:
         return None
-    heights = [height for height, _ in panels]
-    fig, axes = time_axes(log, summary, "Effort", heights)
+    fig, axes = time_axes(
+        log, summary, "Effort", [height for height, _ in panels]
+    )
     for ax, (_, draw) in zip(axes, panels, strict=True):
         draw(ax, log)
         ax.set_ylim(0.0, None)
@@ -199,8 +206,13 @@ def _draw_torques(ax: Axes, log: Log) -> None:
     groups = np.array([_group_of(name) for name in log["actuator_names"]])
     for group, (_, color) in GROUPS.items():
         if np.any(groups == group):
-            largest = np.max(ratio[:, groups == group], axis=1)
-            ax.plot(t, largest, linewidth=1.1, color=color, label=group)
+            ax.plot(
+                t,
+                np.max(ratio[:, groups == group], axis=1),
+                linewidth=1.1,
+                color=color,
+                label=group,
+            )
     if np.max(ratio) > _LOADED:
         ax.plot(
             t,
@@ -223,17 +235,17 @@ def _group_of(joint: str) -> str:
 
 
 def _draw_fastest_joint(ax: Axes, log: Log) -> None:
-    fastest = np.max(joint_speed(log), axis=1)
-    ax.plot(log["t"], fastest, linewidth=1.1, color=TEXT)
+    ax.plot(
+        log["t"], np.max(joint_speed(log), axis=1), linewidth=1.1, color=TEXT
+    )
     ax.set_ylabel("fastest joint\n[rad/s]")
 
 
 def _draw_forces(ax: Axes, log: Log) -> None:
-    forces = signal_view(log, "foot_forces")
     for side in Side:
         ax.plot(
             log["t"],
-            foot_part(forces, side),
+            foot_part(signal_view(log, "foot_forces"), side),
             linewidth=1.1,
             color=palette.foot_color(side),
             label=f"{side.value} foot",
@@ -253,8 +265,9 @@ def draw_icp(log: Log, summary: dict[str, Any]) -> Figure | None:
     """
     if "icp" not in log:
         return None
-    heights = [2.4, 2.4, 1.5]
-    fig, (x, y, error) = time_axes(log, summary, "ICP", heights, label=True)
+    fig, (x, y, error) = time_axes(
+        log, summary, "ICP", heights=[2.4, 2.4, 1.5], label=True
+    )
     _draw_coordinate(x, log, 0, "x, forward [m]")
     _draw_coordinate(y, log, 1, "y, left [m]")
     y.legend(ncols=4, borderpad=0, loc="upper left", bbox_to_anchor=(0.0, 1.14))
@@ -264,16 +277,30 @@ def draw_icp(log: Log, summary: dict[str, Any]) -> Figure | None:
 
 def _draw_coordinate(ax: Axes, log: Log, axis: int, label: str) -> None:
     """Draws the points' coordinate of this number."""
-    t, cop = log["t"], signal_view(log, "ecmp_command").cop[axis]
-    com = signal_view(log, "com_state").position[axis]
-    reference = signal_view(log, "icp_reference").icp[axis]
-    icp = log["icp"][:, axis]
-    ax.plot(t, cop, color=palette.COP, label="CoP", lw=0.9, alpha=0.75)
-    ax.plot(t, com, color=palette.COM, label="CoM", lw=1.1)
+    t = log["t"]
     ax.plot(
-        t, reference, color=palette.ICP_REFERENCE, label="ICP reference", lw=3.0
+        t,
+        signal_view(log, "ecmp_command").cop[axis],
+        color=palette.COP,
+        label="CoP",
+        lw=0.9,
+        alpha=0.75,
     )
-    ax.plot(t, icp, color=palette.ICP, label="ICP")
+    ax.plot(
+        t,
+        signal_view(log, "com_state").position[axis],
+        color=palette.COM,
+        label="CoM",
+        lw=1.1,
+    )
+    ax.plot(
+        t,
+        signal_view(log, "icp_reference").icp[axis],
+        color=palette.ICP_REFERENCE,
+        label="ICP reference",
+        lw=3.0,
+    )
+    ax.plot(t, log["icp"][:, axis], color=palette.ICP, label="ICP")
     # A smallest range, so that noise of millimetres does not fill the axis.
     low, high = ax.get_ylim()
     more = 0.5 * max(0.0, SMALLEST_RANGE - (high - low))
@@ -314,11 +341,22 @@ def draw_estimate(log: Log, summary: dict[str, Any]) -> Figure | None:
     heights = [1.8, 1.3] if "state" in log else [1.8]
     fig, axes = time_axes(log, summary, "Estimate", 2 * heights, label=True)
     sigma = np.sqrt(log["estimate_covariance"][:, ::10])  # diagonal of (9, 9)
-    band = 3.0 * 1e3 * sigma[:, (3, 4)]
-    upper, lower = axes[: len(heights)], axes[len(heights) :]
-    _draw_part(upper, log, _velocity, band, "velocity", "mm/s")
-    band = 3.0 * np.degrees(1.0) * sigma[:, (1, 0)]
-    _draw_part(lower, log, _tilt, band, "tilt", "deg")
+    _draw_part(
+        axes[: len(heights)],
+        log,
+        part=_velocity,
+        band=3.0 * 1e3 * sigma[:, (3, 4)],
+        name="velocity",
+        unit="mm/s",
+    )
+    _draw_part(
+        axes[len(heights) :],
+        log,
+        part=_tilt,
+        band=3.0 * np.degrees(1.0) * sigma[:, (1, 0)],
+        name="tilt",
+        unit="deg",
+    )
     return fig
 
 
@@ -415,23 +453,31 @@ def _draw_feet(ax: Axes, log: Log, spans: list[PhaseSpan]) -> None:
     """Draws the planned and the measured contacts of both feet."""
     for side, y in _FOOT_Y.items():
         color = palette.foot_color(side)
-        plan = [(s.start, s.duration) for s in spans if s.carries(side)]
-        ax.broken_barh(plan, (y + 0.02, 0.4), alpha=0.3, facecolor=color, lw=0)
+        ax.broken_barh(
+            [(s.start, s.duration) for s in spans if s.carries(side)],
+            (y + 0.02, 0.4),
+            alpha=0.3,
+            facecolor=color,
+            lw=0,
+        )
         if "foot_forces" in log:
-            bars = contacts(log, side)
-            ax.broken_barh(bars, (y - 0.42, 0.4), facecolor=color, lw=0)
+            ax.broken_barh(
+                contacts(log, side), (y - 0.42, 0.4), facecolor=color, lw=0
+            )
 
 
 def _key_to_bars(are_planned: bool, modes: set[Mode]) -> list[Artist]:
     """The entries of the legend: contacts, and the modes that there are."""
-    bars: list[Artist] = []
-    if are_planned:
-        bars.append(Patch(color=FAINT, alpha=0.3, label="as planned"))
-    bars.append(Patch(color=FAINT, label="as measured"))
-    for mode in Mode:
-        if mode in modes:
-            bars.append(Patch(color=_MODE_COLORS[mode], label=mode.value))
-    return bars
+    planned = Patch(color=FAINT, alpha=0.3, label="as planned")
+    return [
+        *([planned] if are_planned else []),
+        Patch(color=FAINT, label="as measured"),
+        *(
+            Patch(color=_MODE_COLORS[mode], label=mode.value)
+            for mode in Mode
+            if mode in modes
+        ),
+    ]
 
 
 def _write_durations(ax: Axes, spans: list[PhaseSpan]) -> None:
