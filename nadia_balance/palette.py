@@ -66,8 +66,11 @@ def rgb(color: str) -> tuple[float, float, float]:
     Returns:
         Red, green and blue in [0, 1].
     """
-    red, green, blue = (int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return red, green, blue
+    return (
+        int(color[1:3], 16) / 255.0,
+        int(color[3:5], 16) / 255.0,
+        int(color[5:7], 16) / 255.0,
+    )
 
 
 def rgba(color: str, alpha: float = 1.0) -> Rgba:

@@ -147,10 +147,10 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
         return []
     t, walking = log["t"], signal_view(log, "walking_signal")
     last = len(t) - 1
-    counts = np.stack(
-        [walking.phase, walking.support_side, walking.steps_taken]
+    changed = np.any(
+        np.diff([walking.phase, walking.support_side, walking.steps_taken]),
+        axis=0,
     )
-    changed = np.any(np.diff(counts) != 0.0, axis=0)
     # A transfer may follow another one: to stand, and then to a step.
     changed |= np.diff(walking.time_in_phase) < 0.0
     return [
@@ -293,8 +293,9 @@ def contacts(log: Log, side: Side) -> list[tuple[float, float]]:
         Start and duration [s] of each contact.
     """
     t, forces = log["t"], signal_view(log, "foot_forces")
-    weight = np.median(forces.left + forces.right)
-    loaded = foot_part(forces, side) > LOADED * weight
+    loaded = foot_part(forces, side) > LOADED * np.median(
+        forces.left + forces.right
+    )
     edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
     return [
         (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))
@@ -418,8 +419,11 @@ def icp_error(log: Log) -> Array:
     Returns:
         |icp - icp_reference| (n,) [m].
     """
-    error = log["icp"].T - signal_view(log, "icp_reference").icp
-    return np.asarray(np.linalg.norm(error, axis=0))
+    return np.asarray(
+        np.linalg.norm(
+            log["icp"].T - signal_view(log, "icp_reference").icp, axis=0
+        )
+    )
 
 
 @dataclass(frozen=True)

@@ -140,9 +140,9 @@ def walked_velocity(log: Log) -> tuple[Array, float] | None:
     window = 2.0 * float(np.median(np.diff(times)))
     watch, velocity = VelocityWatch(window), []
     places = signal_view(log, "com_state").position[:2].T
-    for row, (time, place) in enumerate(zip(log["t"], places, strict=True)):
-        walking = signal_view(log, "walking_signal", row)
-        velocity.append(watch.look(float(time), place, _heading(walking)))
+    for row, time in enumerate(log["t"]):
+        heading = _heading(signal_view(log, "walking_signal", row))
+        velocity.append(watch.look(float(time), places[row], heading))
     return np.array(velocity), window
 
 

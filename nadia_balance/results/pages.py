@@ -208,19 +208,21 @@ def replay_status(log: Log, summary: dict[str, Any]) -> str:
     Returns:
         HTML for the end of the page.
     """
-    said = {
-        "title": "  ·  ".join(
-            str(summary[name])
-            for name in ("scenario", "robot", "plant", "mechanisms")
-            if name in summary
-        ),
-        "phases": _moments(log),
-        "story": _timed_story(log, summary),
-        "jumps": _jumps(log),
-        "curves": _curves(log),
-        "end": float(log["t"][-1]),
-    }
-    return _STATUS + _REPLAY % json.dumps(said).replace("<", "\\u003c")
+    said = json.dumps(
+        {
+            "title": "  ·  ".join(
+                str(summary[name])
+                for name in ("scenario", "robot", "plant", "mechanisms")
+                if name in summary
+            ),
+            "phases": _moments(log),
+            "story": _timed_story(log, summary),
+            "jumps": _jumps(log),
+            "curves": _curves(log),
+            "end": float(log["t"][-1]),
+        }
+    )
+    return _STATUS + _REPLAY % said.replace("<", "\\u003c")
 
 
 def _timed_story(

@@ -65,14 +65,16 @@ def telling(log: Log, summary: dict[str, Any]) -> list[tuple[float, str]]:
     Returns:
         Times [s] and lines, in order; the last one is the result.
     """
-    story = [(push.start, _tell_push(log, push)) for push in pushes(log)]
-    story += _tell_steps(log)
+    events = [(push.start, _tell_push(log, push)) for push in pushes(log)]
+    events += _tell_steps(log)
     end = _end_time(log, summary)
     if summary["fell_at"] is None:
-        end = max([end, *(time for time, _ in story)])
+        end = max([end, *(time for time, _ in events)])
     outcome = _tell_outcome(log, summary, end)
-    story += [*tell_commands(log), *_tell_modes(log)]
-    story.sort(key=lambda entry: entry[0])
+    story = sorted(
+        [*events, *tell_commands(log), *_tell_modes(log)],
+        key=lambda event: event[0],
+    )
     if summary["fell_at"] is None and story:
         end = max(end, story[-1][0])  # the result is the last line
     figures = _figures(
@@ -158,9 +160,10 @@ class LiveStory:
         """
         taken, news = int(walking.steps_taken), []
         if push.number not in (0.0, self._number):
-            words = push_words(walking, push.force, push.delta_v)
-            newtons = float(np.linalg.norm(push.force))
-            self.last_push = f"{words}  F = {newtons:.0f} N"
+            self.last_push = (
+                f"{push_words(walking, push.force, push.delta_v)}  "
+                f"F = {np.linalg.norm(push.force):.0f} N"
+            )
             self._pushed_after, self.result = taken, "pushed"
             news.append(self.last_push)
         self._number = float(push.number)
@@ -310,8 +313,10 @@ def _tell_push(log: Log, push: PushSpan) -> str:
     force = signal_view(log, "push_signal", push.rows).force
     least = np.min(np.linalg.norm(force, axis=0))
     sign = "=" if least > 0.999 * newtons else "<="
-    size = f"F {sign} {newtons:.0f} N for {push.end - push.start:.2f} s"
-    return f"{words:<44}  {size}"
+    return (
+        f"{words:<44}  F {sign} {newtons:.0f} N "
+        f"for {push.end - push.start:.2f} s"
+    )
 
 
 def _tell_steps(log: Log) -> list[tuple[float, str]]:
@@ -395,8 +400,8 @@ def _tell_outcome(log: Log, summary: dict[str, Any], end: float) -> str:
     if summary["outcome"] == "undecided":
         return f"UNDECIDED: {reason}"
     if not summary["recovered"]:
-        verb, _, cause = reason.partition(": ")
-        return f"{verb.upper()}: {cause}" if cause else verb.upper()
+        verb, colon, cause = reason.partition(": ")
+        return f"{verb.upper()}{colon}{cause}"
     if pushed and "icp" in log:
         taken = signal_view(log, "walking_signal").steps_taken
         row = min(np.searchsorted(log["t"], end), len(taken) - 1)

@@ -109,10 +109,13 @@ class Run:
             "real_time_factor": duration / max(self.cpu_time, 1e-9),
             "versions": versions(self.info.engine),
         }
-        for name, value in summary.items():
-            if isinstance(value, float) and not math.isfinite(value):
-                summary[name] = None  # JSON has neither NaN nor infinity
-        return summary
+        # JSON has neither NaN nor infinity.
+        return {
+            name: value
+            if not isinstance(value, float) or math.isfinite(value)
+            else None
+            for name, value in summary.items()
+        }
 
 
 def _judge(run: Run) -> tuple[str, str]:
@@ -193,9 +196,8 @@ def _shortfall(run: Run) -> str:
 
 def _policy_shortfall(log: Log) -> str:
     """The criterion without an ICP: it steps, if it is told to."""
-    commands = log.get("velocity_command", np.zeros((1, 3)))
     late = sum(time > log["t"][-1] - STEADY for time in landings(log))
-    if late > 1 or not commands[-1].any():
+    if late > 1 or not log.get("velocity_command", np.zeros((1, 3)))[-1].any():
         return ""
     return f"it did not step in the last {STEADY:g} s"
 

@@ -105,12 +105,20 @@ class BalanceVisualizer(LeafSystem):
         self._walking_state = Input(
             self, "walking_state", SIGNALS["walking_state"]
         )
-        self._com = self._optional("com_state")
-        self._icp = self._optional("icp")
-        self._icp_reference = self._optional("icp_reference")
-        self._ecmp_command = self._optional("ecmp_command")
-        self._push_force = self._optional("push_force")
-        self._regions = self._optional("capture_regions")
+        self._com = Input(self, "com_state", SIGNALS["com_state"], default=None)
+        self._icp = Input(self, "icp", SIGNALS["icp"], default=None)
+        self._icp_reference = Input(
+            self, "icp_reference", SIGNALS["icp_reference"], default=None
+        )
+        self._ecmp_command = Input(
+            self, "ecmp_command", SIGNALS["ecmp_command"], default=None
+        )
+        self._push_force = Input(
+            self, "push_force", SIGNALS["push_force"], default=None
+        )
+        self._regions = Input(
+            self, "capture_regions", SIGNALS["capture_regions"], default=None
+        )
         self._add_objects()
         if ground is not None:
             self._add_ground(ground)
@@ -121,9 +129,6 @@ class BalanceVisualizer(LeafSystem):
             REGIONS_PERIOD, 0.0, self._draw_regions
         )
         self.DeclareForcedPublishEvent(self._draw_regions)
-
-    def _optional(self, name: str) -> Input:
-        return Input(self, name, SIGNALS[name], default=None)
 
     def _add_objects(self) -> None:
         self._footsteps = {
@@ -163,11 +168,15 @@ class BalanceVisualizer(LeafSystem):
     def _add_ground(self, ground: Ground) -> None:
         for i, region in enumerate(ground.regions):
             if not region.obstacle:
-                heights = region.heights(region.polygon)
                 add_polygon(
                     self._meshcat,
                     f"{ROOT}/ground/{i}",
-                    np.column_stack([region.polygon, heights + _ON_FLOOR]),
+                    np.column_stack(
+                        [
+                            region.polygon,
+                            region.heights(region.polygon) + _ON_FLOOR,
+                        ]
+                    ),
                     palette.rgba(palette.GROUND, 0.5),
                 ).show(True, None)
 
@@ -215,9 +224,11 @@ class BalanceVisualizer(LeafSystem):
     def _draw_feet(self, state: WalkingState, time: float) -> None:
         """Draws a print, numbered by its step, for each foot in contact."""
         schedule = state.schedule
-        landed = schedule.support_side
-        if schedule.footsteps:
-            landed = schedule.footsteps[0].side.other
+        landed = (
+            schedule.footsteps[0].side.other
+            if schedule.footsteps
+            else schedule.support_side
+        )
         for side, outlines in self._footsteps.items():
             if schedule.in_contact(side):
                 self._draw_print(
@@ -261,14 +272,14 @@ class BalanceVisualizer(LeafSystem):
         force = self._push_force(context)
         if force is None:
             return
-        if np.linalg.norm(force) <= 1e-6:
+        if np.linalg.norm(force) > 1e-6:
+            # A push lasts about three frames, too short to be seen: the arrow
+            # is hidden later in the recording.
+            R_WP = RotationMatrix.MakeFromOneVector(force, 2)
+            self._arrow.show(False, time + LINGER)
+            self._arrow.place(RigidTransform(R_WP, com.position), time)
+        else:
             self._arrow.show(False, None)  # a recording shows it longer
-            return
-        # A push lasts about three frames, too short to be seen: the arrow is
-        # hidden later in the recording.
-        R_WP = RotationMatrix.MakeFromOneVector(force, 2)
-        self._arrow.show(False, time + LINGER)
-        self._arrow.place(RigidTransform(R_WP, com.position), time)
 
     def _draw_regions(self, context: Context) -> EventStatus:
         """Draws the capture regions, clipped to RADIUS about the stance foot.
@@ -276,9 +287,8 @@ class BalanceVisualizer(LeafSystem):
         Long before touchdown they extend for many metres.
         """
         schedule = self._walking_state(context).schedule
-        regions = None
-        if schedule.phase is Phase.SWING:
-            regions = self._regions(context)
+        swings = schedule.phase is Phase.SWING
+        regions = self._regions(context) if swings else None
         if regions is None:
             return EventStatus.DidNothing()
         time = context.get_time()
@@ -286,14 +296,16 @@ class BalanceVisualizer(LeafSystem):
         near = circle(RADIUS, 24) + [x, y]
         self._polygons[_REACH].draw(regions.reach, z + _OUTLINE, time)
         for i, path in enumerate(_CAPTURE):
-            captured = np.empty((0, 2))
-            if i < len(regions.regions):
-                captured = intersection(regions.regions[i], near)
-            self._polygons[path].draw(captured, z + _REGION, time)
+            region = (
+                intersection(regions.regions[i], near)
+                if i < len(regions.regions)
+                else np.empty((0, 2))
+            )
+            self._polygons[path].draw(region, z + _REGION, time)
         feet = [foot for foot in (regions.nominal, regions.adjusted) if foot]
-        X_WF = None
-        if len(feet) == 2 and math.dist(feet[0].p_WF, feet[1].p_WF) > 1e-3:
-            X_WF = sole_transform(feet[0])
-        self._nominal.place(X_WF, time)
+        is_moved = (
+            len(feet) == 2 and math.dist(feet[0].p_WF, feet[1].p_WF) > 1e-3
+        )
+        self._nominal.place(sole_transform(feet[0]) if is_moved else None, time)
         self._region_view.show(True, time)
         return EventStatus.Succeeded()

@@ -101,9 +101,9 @@ class LiveControls(LeafSystem):
             old: Context of the whole diagram, of the run before.
             new: Context of the whole diagram, changed.
         """
-        on = self.GetMyContextFromRoot(old).get_discrete_state(self._on)
         self.GetMyMutableContextFromRoot(new).SetDiscreteState(
-            self._on, on.value()
+            self._on,
+            self.GetMyContextFromRoot(old).get_discrete_state(self._on).value(),
         )
 
     def aimed_push(self) -> list[float]:

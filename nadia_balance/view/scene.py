@@ -272,10 +272,10 @@ def add_arrow(meshcat: Meshcat, path: str, color: str) -> Drawing:
     p_shaft: Any = [0.0, 0.0, -gap - head - 0.5 * shaft]
     p_head: Any = [0.0, 0.0, -gap]
     # A cone opens along z from its tip; the arrow's tip points along z.
-    over = RotationMatrix.MakeXRotation(math.pi)
+    X_head = RigidTransform(RotationMatrix.MakeXRotation(math.pi), p_head)
     for part, shape, X in (
         ("shaft", Cylinder(0.02, shaft), RigidTransform(p_shaft)),
-        ("head", MeshcatCone(head, 0.05, 0.05), RigidTransform(over, p_head)),
+        ("head", MeshcatCone(head, 0.05, 0.05), X_head),
     ):
         meshcat.SetObject(f"{path}/{part}", shape, palette.rgba(color))
         meshcat.SetTransform(f"{path}/{part}", X)
@@ -326,9 +326,9 @@ def _inset(corners: Array) -> Array:
     lengths = np.linalg.norm(edges, axis=1, keepdims=True)
     after = edges[:, ::-1] * [-1.0, 1.0] / np.maximum(lengths, 1e-9)
     before = np.roll(after, 1, axis=0)  # both point inwards
-    # Sharp corners, and those of nearly no polygon, move by 2 LINE at most.
     cosine = np.sum(before * after, axis=1, keepdims=True)
     inset = corners.copy()
+    # Sharp corners, and those of nearly no polygon, move by 2 LINE at most.
     inset[:, :2] += LINE * (before + after) / np.maximum(1.0 + cosine, 0.5)
     return inset
 

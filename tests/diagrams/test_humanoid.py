@@ -12,6 +12,7 @@ import pytest
 from pydrake.multibody import plant as mbp
 
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.mechanisms import LABELS
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, start

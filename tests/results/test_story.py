@@ -15,8 +15,8 @@ from nadia_balance.systems.signals import MODES, PHASES
 from tests.results.made_up_run import Recipe, T, make_log, summary_of
 
 
-def story(log, **told):
-    return telling_lines(log, summary_of(log, **told))
+def story(log, **conditions):
+    return telling_lines(log, summary_of(log, **conditions))
 
 
 def test_tells_a_recovery_from_the_push_to_the_end():
@@ -51,7 +51,8 @@ def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
     """
     log = make_log()
     angle = np.radians(degrees) + 1.0
-    felt, walking = signal_view(log, "push_signal"), signal_view(log, "walking_signal")
+    felt = signal_view(log, "push_signal")
+    walking = signal_view(log, "walking_signal")
     felt.force[:2] = np.outer([np.cos(angle), np.sin(angle)], felt.force_y)
     walking.left_yaw[:] = walking.right_yaw[:] = 1.0
     first = pushes(log)[0]
@@ -62,10 +63,10 @@ def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
 def commanded(*rows, recipe=None):
     """A log with the commands of the rows (time, forward, left, turn)."""
     log = make_log(recipe or Recipe(pushed_step=None, changed={}))
-    told = np.zeros((len(log["t"]), 3))
+    commands = np.zeros((len(log["t"]), 3))
     for time, *command in rows:
-        told[log["t"] >= time - 0.5 * T] = command
-    return log | {"velocity_command": told}
+        commands[log["t"] >= time - 0.5 * T] = command
+    return log | {"velocity_command": commands}
 
 
 def test_tells_each_change_of_the_command_in_order_of_time():
@@ -73,17 +74,17 @@ def test_tells_each_change_of_the_command_in_order_of_time():
 
     The push is told among them; the result is the last line.
     """
-    rows = (
+    log = commanded(
         (0.0, 0.3, 0.0, 0.0),
         (1.0, 0.3, 0.0, 0.0),
         (1.5, -0.2, -0.1, 0.0),
         (2.0, 0.0, 0.1, -0.25),
         (5.0, 0.0, 0.0, 0.0),
+        recipe=Recipe(changed={}),
     )
-    log = commanded(*rows, recipe=Recipe(changed={}))
-    *told, result = [line for _, line in telling(log, summary_of(log))]
+    *lines, result = [line for _, line in telling(log, summary_of(log))]
     assert result.startswith("RECOVERED ")
-    assert told == [
+    assert lines == [
         "commanded forward 0.30 m/s",
         "commanded backward 0.20 m/s, right 0.10 m/s",
         "push 0.60 m/s outward, left swing 25 %        F = 545 N for 0.10 s",
@@ -117,14 +118,14 @@ def test_tells_when_a_robot_that_stood_steps_and_stands_again():
     stands 0.8 s after them; without square feet it does not.
     """
     log = standing_at_first(make_log(Recipe(pushed_step=None, changed={})))
-    told = telling(log, summary_of(log))
-    assert told[0] == (pytest.approx(0.5), "steps, to recover")
-    assert told[1] == (pytest.approx(0.5 + 6.0 + 0.8), "stands")
-    assert told[2][1].startswith("WALKED 6 steps")
+    entries = telling(log, summary_of(log))
+    assert entries[0] == (pytest.approx(0.5), "steps, to recover")
+    assert entries[1] == (pytest.approx(0.5 + 6.0 + 0.8), "stands")
+    assert entries[2][1].startswith("WALKED 6 steps")
     walking = signal_view(log, "walking_signal")
     walking.left_x[walking.steps_taken == 6.0] += 0.3
-    told = [line for _, line in telling(log, summary_of(log))]
-    assert "stands" not in told and "steps, to recover" in told
+    lines = [line for _, line in telling(log, summary_of(log))]
+    assert "stands" not in lines and "steps, to recover" in lines
 
 
 def test_the_steps_of_a_recovery_are_counted_until_it_has_recovered():

@@ -27,10 +27,10 @@ def test_is_strict_json_and_repeats_what_it_was_told(log):
 
     Of six steps, five landed after the push, each 4 mm from its target.
     """
-    told = {"direction_deg": 90.0, "delta_v": 0.6, "seed": 3}
+    conditions = {"direction_deg": 90.0, "delta_v": 0.6, "seed": 3}
     cpu_time = float(log["t"][-1]) / 2.5
-    summary = summary_of(log, cpu_time=cpu_time, **told)
-    assert {name: summary[name] for name in told} == told
+    summary = summary_of(log, cpu_time=cpu_time, **conditions)
+    assert {name: summary[name] for name in conditions} == conditions
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert (summary["recovered"], summary["reason"]) == (True, "")
     (push,) = summary["pushes"]
@@ -125,10 +125,12 @@ def test_a_robot_stands_again_when_its_feet_are_square(
     walking = signal_view(log, "walking_signal")
     middle = heading + 0.5 * yaw
     walking.left[:] = np.array([[3.0], [-1.0], [heading]])
-    way = np.array([x * math.cos(middle), x * math.sin(middle)])
-    way += 0.3 * np.array([math.sin(middle), -math.cos(middle)])
+    offset = np.array([x * math.cos(middle), x * math.sin(middle)])
+    offset += 0.3 * np.array([math.sin(middle), -math.cos(middle)])
     turned = math.remainder(heading + yaw, math.tau)
-    walking.right[:] = np.array([[3.0 + way[0]], [-1.0 + way[1]], [turned]])
+    walking.right[:] = np.array(
+        [[3.0 + offset[0]], [-1.0 + offset[1]], [turned]]
+    )
     summary = summary_of(log)
     expected = "" if square else "it stands, but its feet are not side by side"
     assert summary["reason"].removeprefix("too short: ") == expected
@@ -159,8 +161,8 @@ def test_speed_of_the_swing_foot(log):
     feet.right_x[first : first + 351] = 0.2 * (1.0 - np.cos(angle))
     feet.right_z[first : first + 351] = 0.2 * np.sin(angle)
     feet.right_x[first + 351 :] = 0.4
-    found = summary_of(log)["mean_swing_foot_speed"]
-    assert found == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
+    speed = summary_of(log)["mean_swing_foot_speed"]
+    assert speed == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -211,7 +213,7 @@ def test_sums_up_both_qps(log):
 
 
 @pytest.mark.parametrize(
-    ("rows", "told", "reason"),
+    ("rows", "conditions", "reason"),
     [
         # It lands at 2.77 and 3.77 s, after a push that ended at 2.076 s.
         (2000, SHORT, f"too short: {RESTLESS} for 2 whole steps"),
@@ -220,10 +222,10 @@ def test_sums_up_both_qps(log):
         (1200, {}, "too short: the run ended 0.32 s after the push"),
     ],
 )
-def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
+def test_a_run_that_is_too_short_is_undecided(log, rows, conditions, reason):
     """Oracle: the recipe; a fall is a fall, nevertheless."""
     short = cut(log, rows)
-    summary = summary_of(short, **told)
+    summary = summary_of(short, **conditions)
     assert (summary["outcome"], summary["recovered"]) == ("undecided", False)
     assert summary["reason"] == reason
     assert summary["recovery_time_s"] is None
@@ -232,7 +234,7 @@ def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
         ({"interrupted": True}, "interrupted"),
         ({"improper_contacts": ("A - B", "A - ground")}, "contact of A - B, A"),
     ):
-        summary = summary_of(short, **told, **failure)
+        summary = summary_of(short, **conditions, **failure)
         assert summary["outcome"] == "failed"
         assert summary["reason"].startswith(reason)
     assert summary["self_contacts"] == ["A - B"]
@@ -255,7 +257,8 @@ def test_a_push_is_told_in_newton_seconds_and_joules(log):
 
 def test_sway_and_the_time_of_the_recovery(log):
     """Oracles: tan; the last row, put in by hand, with an error of 5 cm."""
-    com, feet = signal_view(log, "com_state"), signal_view(log, "walking_signal")
+    com = signal_view(log, "com_state")
+    feet = signal_view(log, "walking_signal")
     com.position[:] = 0.0
     com.z[:] = 0.9
     for foot in feet.left, feet.right:

@@ -31,9 +31,9 @@ def test_the_way_is_that_of_a_point_ahead(command):
         y += (forward * math.sin(middle) + left * math.cos(middle)) * dt
         yaw += turn * dt
     ahead = aims.AHEAD * np.array([math.cos(yaw), math.sin(yaw)])
-    way = commanded_way(np.array(command))
-    assert way[0] == pytest.approx([aims.AHEAD, 0.0])
-    assert way[-1] == pytest.approx(ahead + [x, y], abs=1e-6)
+    points = commanded_way(np.array(command))
+    assert points[0] == pytest.approx([aims.AHEAD, 0.0])
+    assert points[-1] == pytest.approx(ahead + [x, y], abs=1e-6)
 
 
 def test_the_heading_is_between_the_feet_also_across_half_a_turn():

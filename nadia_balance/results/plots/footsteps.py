@@ -114,8 +114,8 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     moved = [step.swing.end for step in taken if _is_moved(step)]
     end = max([recovered_at(log, push), *moved])
     after = [step.swing.last + 1 for step in taken if step.swing.end > end]
-    starts = (s.first for s in phase_spans(log) if s.first <= push.first)
-    return max(starts), min([*after[1:2], last_row])
+    first = max(s.first for s in phase_spans(log) if s.first <= push.first)
+    return first, min([*after[1:2], last_row])
 
 
 def _limits(
@@ -224,8 +224,8 @@ def _is_moved(step: Step) -> bool:
 
 def _number(ax: Axes, step: Step, sole: Array) -> None:
     """Writes the number of a step beside its outer edge."""
-    edge = step.side.sign * np.max(np.abs(sole[:, 1]))
-    x, y = step.achieved.to_world(np.array([0.0, edge]))
+    half_width = np.max(np.abs(sole[:, 1]))
+    x, y = step.achieved.to_world(np.array([0.0, step.side.sign * half_width]))
     ax.annotate(
         str(step.number),
         xy=(x, y),

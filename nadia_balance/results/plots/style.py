@@ -115,8 +115,14 @@ def fill(
     """
     style.setdefault("edgecolor", color)
     style.setdefault("linewidth", 1.4)
-    face = (*palette.rgb(color), alpha)
-    ax.add_patch(Polygon(polygon, facecolor=face, label=label, **style))
+    ax.add_patch(
+        Polygon(
+            polygon,
+            facecolor=(*palette.rgb(color), alpha),
+            label=label,
+            **style,
+        )
+    )
 
 
 def draw_sole(

@@ -124,7 +124,6 @@ def _shade(ax: Axes, log: Log, swings: list[PhaseSpan]) -> None:
 
 
 def _key_to_shades(log: Log, swings: list[PhaseSpan]) -> list[Patch]:
-    swung = {span.swing_side for span in swings}
     patches = [
         Patch(
             label=f"{side.value} foot swings",
@@ -132,7 +131,7 @@ def _key_to_shades(log: Log, swings: list[PhaseSpan]) -> list[Patch]:
             alpha=_SWING,
         )
         for side in Side
-        if side in swung
+        if any(span.swing_side is side for span in swings)
     ]
     if pushes(log):
         patches.append(
@@ -180,13 +179,15 @@ def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
     Returns:
         The figure; None if the log has none of them.
     """
-    panels: list[tuple[float, Callable[[Axes, Log], None]]] = []
-    if torque_ratio(log).size:
-        panels.append((2.2, _draw_torques))
-    if joint_speed(log).size:
-        panels.append((1.3, _draw_fastest_joint))
-    if "foot_forces" in log:
-        panels.append((1.8, _draw_forces))
+    panels = [
+        (height, draw)
+        for is_logged, height, draw in (
+            (torque_ratio(log).size, 2.2, _draw_torques),
+            (joint_speed(log).size, 1.3, _draw_fastest_joint),
+            ("foot_forces" in log, 1.8, _draw_forces),
+        )
+        if is_logged
+    ]
     if not panels:
         return None
     fig, axes = time_axes(
@@ -420,9 +421,12 @@ def draw_contacts(log: Log, summary: dict[str, Any]) -> Figure:
         The figure.
     """
     modes, commands = mode_spans(log), velocity_commands(log)
-    heights = [2.4 + 0.3 * bool(modes), *([1.5] if commands else [])]
     fig, (ax, *others) = time_axes(
-        log, summary, "Contacts", heights, label=True
+        log,
+        summary,
+        "Contacts",
+        heights=[2.4 + 0.3 * bool(modes), *([1.5] if commands else [])],
+        label=True,
     )
     spans = phase_spans(log)
     _draw_feet(ax, log, spans)
