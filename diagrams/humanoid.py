@@ -23,7 +23,7 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop, Logs, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.engines.plants import add_mujoco_plant
-from nadia_balance.results.measurements import ESTIMATE, nees
+from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
@@ -370,9 +370,7 @@ class HumanoidDiagram(ClosedLoop):
         if self._sensors is None:
             return 0.0
         ports = self._measured | {"state": self.engine.GetOutputPort("state")}
-        row = {
-            name: read(ports[name], context)[None] for name in ESTIMATE.split()
-        }
+        row = {name: read(ports[name], context)[None] for name in ESTIMATE}
         return float(nees(row)[0])
 
     def improper_contacts(self, context: Context) -> set[str]:

@@ -8,12 +8,8 @@ from typing import Any
 from pydrake.systems.framework import Context, EventStatus
 
 from nadia_balance.diagrams.closed_loop import ClosedLoop
-from nadia_balance.results.measurements import (
-    SETTLED,
-    CalmSteps,
-    LostWatch,
-    StandsWatch,
-)
+from nadia_balance.results.estimation import LostWatch
+from nadia_balance.results.measurements import SETTLED, CalmSteps, StandsWatch
 from nadia_balance.results.summary import RunInfo
 from nadia_balance.systems.signals import (
     IcpReference,
@@ -90,7 +86,7 @@ class RecoveryWatch:
             return False
         steps_taken, error = gait_and_error(self._diagram, context)
         waiting = bool(push_signal(self._diagram, context).waiting)
-        calm = self._calm.look(now, steps_taken, error, waiting)
+        calm = self._calm.look(steps_taken, error, waiting)
         port = self._diagram.controller.GetOutputPort("walking_signal")
         walking = WalkingSignal(read(port, context))
         stood = self._stands.look(now, walking, error, waiting)

@@ -46,15 +46,41 @@ OUTLINED = ("support polygon", "reachable", "foothold as planned")  # of these
 
 
 def foot_color(side: Side) -> str:
-    """The colour, as #rrggbb, of the foot of `side`."""
+    """Returns the colour of a foot.
+
+    Args:
+        side: side of the foot.
+
+    Returns:
+        The colour, as #rrggbb.
+    """
     return LEFT if side is Side.LEFT else RIGHT
 
 
-def rgb(color: str) -> list[float]:
-    """Red, green and blue in [0, 1] of a colour written #rrggbb."""
-    return [int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+def rgb(color: str) -> tuple[float, float, float]:
+    """Returns the parts of a colour.
+
+    Args:
+        color: colour, written #rrggbb.
+
+    Returns:
+        Red, green and blue in [0, 1].
+    """
+    return (
+        int(color[1:3], 16) / 255.0,
+        int(color[3:5], 16) / 255.0,
+        int(color[5:7], 16) / 255.0,
+    )
 
 
 def rgba(color: str, alpha: float = 1.0) -> Rgba:
-    """Drake's form of a colour written #rrggbb."""
+    """Returns Drake's form of a colour.
+
+    Args:
+        color: colour, written #rrggbb.
+        alpha: opacity in [0, 1].
+
+    Returns:
+        The colour.
+    """
     return Rgba(*rgb(color), alpha)

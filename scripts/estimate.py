@@ -11,10 +11,11 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.results.estimation import lost_at, measure_estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
-from nadia_balance.results.measurements import lost_at, measure_estimate
-from nadia_balance.results.plots.time_series import RC, draw_estimate
+from nadia_balance.results.plots.style import RC
+from nadia_balance.results.plots.time_series import draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line

@@ -22,7 +22,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
 import reference
-from nadia_balance.results.log import signal
+from nadia_balance.results.log import signal_view
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push, simulate
 from nadia_balance.scripts.command_line import CommandLine
@@ -182,8 +182,8 @@ def test_some_lines_command_a_walk():
         names = {"nb": nb}
         exec(block, names)
         log = names["run"].logs
-        walking = signal(log, "walking_signal", -1)
-        x, y = signal(log, "com_state", -1).position[:2]
+        walking = signal_view(log, "walking_signal", -1)
+        x, y = signal_view(log, "com_state", -1).position[:2]
         yaw = 0.5 * (walking.left_yaw + walking.right_yaw)
         return [float(part) for part in (x, y, yaw, walking.phase)]
 
@@ -232,7 +232,7 @@ def test_some_30_lines_are_a_footstep_planner_of_ones_own():
         names = {}
         exec(block, names)
         run = names["run"]
-        walking = signal(run.logs, "walking_signal", -1)
+        walking = signal_view(run.logs, "walking_signal", -1)
         feet = walking.left, walking.right
         behind, first = sorted(feet, key=lambda foot: foot[2])
         move, yaw = first - behind, behind[2]

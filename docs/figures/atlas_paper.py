@@ -26,7 +26,7 @@ from nadia_balance.core.plan.atlas_icp_plan import (
 )
 from nadia_balance.core.plan.icp_plan import IcpPlan
 from nadia_balance.core.walking.state import FootPose, FootPoses, Side
-from nadia_balance.results.plots.time_series import FAINT, TEXT, draw_sole
+from nadia_balance.results.plots.style import FAINT, TEXT, draw_sole
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 

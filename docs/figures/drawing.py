@@ -21,13 +21,7 @@ from nadia_balance.core.walking.state import (
     Side,
 )
 from nadia_balance.results.folder import appearing, new_folder
-from nadia_balance.results.plots.time_series import (
-    FAINT,
-    RC,
-    TEXT,
-    key,
-    plan_view,
-)
+from nadia_balance.results.plots.style import FAINT, RC, TEXT, key, plan_view
 from nadia_balance.scripts.command_line import DONE, CommandLine, place, say
 
 

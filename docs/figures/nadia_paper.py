@@ -50,12 +50,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
 )
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.state import FootPose, FootPoses, Side
-from nadia_balance.results.plots.time_series import (
-    FAINT,
-    arrow,
-    draw_sole,
-    fill,
-)
+from nadia_balance.results.plots.style import FAINT, arrow, draw_sole, fill
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts.command_line import program
 

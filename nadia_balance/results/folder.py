@@ -12,47 +12,76 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def new_folder(
-    out: str | os.PathLike | None, name: str, files: Iterable[str]
+    out: str | os.PathLike[str] | None, name: str, files: Iterable[str]
 ) -> Iterator[Path]:
-    """Yields the folder `out` (see prepare_folder), locked, for new `files`.
+    """Yields a folder for new files, locked within the block.
 
-    Raises ValueError: a file exists, another run has the lock, or as there.
+    Args:
+        out: the folder, or None for a new one (see prepare_folder).
+        name: part of the name of a new folder.
+        files: names of the files that the folder must not have yet.
+
+    Yields:
+        The folder.
+
+    Raises:
+        ValueError: a file exists, another run has the lock, or the folder
+            cannot be made or written to.
     """
     with locked(prepare_folder(out, name)) as folder:
         for file in files:
             if (folder / file).exists():
-                why = f"must be a folder without {file}"
-                raise ValueError(f"out = {str(out)!r}: {why}")
+                raise ValueError(
+                    f"out = {str(out)!r}: must be a folder without {file}"
+                )
         yield folder
 
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[Path]:
-    """Yields `folder`, which no other process has within the block.
+    """Yields a folder that no other process has within the block.
 
-    Raises ValueError: another process has it.
+    Args:
+        folder: an existing folder.
+
+    Yields:
+        The same folder.
+
+    Raises:
+        ValueError: another process has it.
     """
     lock = os.open(folder, os.O_RDONLY)
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            why = "must be in use by no other run"
-            raise ValueError(f"out = {str(folder)!r}: {why}") from None
+            raise ValueError(
+                f"out = {str(folder)!r}: must be in use by no other run"
+            ) from None
         yield folder
     finally:
         os.close(lock)
 
 
-def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
-    """Creates the folder `out`, by default runs/<date>_<time>_<name>.
+def prepare_folder(
+    out: str | os.PathLike[str] | None, name: str = "run"
+) -> Path:
+    """Creates a folder, if it does not exist.
 
-    Raises ValueError: it cannot be created, or is not writable.
+    Args:
+        out: the folder, by default a new one: runs/<date>_<time>_<name>.
+        name: part of the name of a new folder.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ValueError: it cannot be created, or is not writable.
     """
     now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
     folder = first = Path(f"runs/{now}_{name}" if out is None else out)
+    numbers = itertools.count(2)
     try:
-        numbers = itertools.count(2)
         while out is None and folder.exists():  # of the same second
             folder = Path(f"{first}_{next(numbers)}")
         folder.mkdir(parents=True, exist_ok=out is not None)
@@ -61,17 +90,25 @@ def prepare_folder(out: str | os.PathLike | None, name: str = "run") -> Path:
             file.write(b"x")
             file.flush()
     except (OSError, ValueError, RecursionError) as error:  # too deep
-        why = getattr(error, "strerror", None) or str(error)
-        what = f"out = {str(folder)!r}: must be a folder to write to"
-        raise ValueError(f"{what} ({why})") from error
+        cause = getattr(error, "strerror", None) or str(error)
+        raise ValueError(
+            f"out = {str(folder)!r}: must be a folder to write to ({cause})"
+        ) from error
     return folder
 
 
 @contextlib.contextmanager
 def appearing(folder: Path) -> Iterator[Path]:
-    """Yields a temporary folder whose files then move to `folder`, complete.
+    """Yields a temporary folder whose files then move to another, complete.
 
-    Raises OSError: a file cannot be written; then none appears in `folder`.
+    Args:
+        folder: where the files appear.
+
+    Yields:
+        The temporary folder.
+
+    Raises:
+        OSError: a file cannot be written; then none appears in `folder`.
     """
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as place:
         drafts = Path(place)

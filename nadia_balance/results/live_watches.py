@@ -23,18 +23,29 @@ class VelocityWatch:
     """Measures the mean velocity over the last `window` [s]."""
 
     def __init__(self, window: float):
-        """Two steps are a good window, as the body sways with each."""
+        """Nothing has been measured.
+
+        Args:
+            window: time of the mean [s]; two steps are a good one, as the body
+                sways with each.
+        """
         self._window = window
         # Time [s], x, y [m] and heading [rad], which does not jump.
         self._looks: deque[tuple[float, float, float, float]] = deque()
 
     def look(self, time: float, place: Array, heading: float) -> Array:
-        """Returns the mean velocity (3,): forward, left [m/s], turn [rad/s].
+        """Returns the mean velocity.
+
+        It is that of the displacement, seen from the heading in the middle of
+        the window: v = R(-(psi_0 + psi_1) / 2) (p_1 - p_0) / (t_1 - t_0).
 
         Args:
             time: now [s].
             place: of the robot now, (2,) in W [m].
             heading: of the robot now [rad].
+
+        Returns:
+            Forward, left [m/s] and turn [rad/s], (3,).
         """
         if self._looks:
             last = self._looks[-1][3]
@@ -46,13 +57,12 @@ class VelocityWatch:
         then, x_then, y_then, heading_then = self._looks[0]
         if time <= then:
             return np.zeros(3)
-        # The way, seen from the heading in the middle of the time.
         middle = 0.5 * (heading + heading_then)
         c, s = math.cos(middle), math.sin(middle)
         dx, dy = x - x_then, y - y_then
-        turned = heading - heading_then
-        way = np.array([c * dx + s * dy, c * dy - s * dx, turned])
-        return way / (time - then)
+        return np.array(
+            [c * dx + s * dy, c * dy - s * dx, heading - heading_then]
+        ) / (time - then)
 
 
 def velocity_lines(commanded: Array, walked: Array) -> list[str]:
@@ -61,14 +71,18 @@ def velocity_lines(commanded: Array, walked: Array) -> list[str]:
     Args:
         commanded: forward, left [m/s], turn [rad/s], (3,).
         walked: the same, as measured.
+
+    Returns:
+        Lines such as `commanded 0.30, walks 0.29 m/s`.
     """
     lines = []
-    rows = zip(_UNITS, commanded, walked, strict=True)
-    for (name, unit), wanted, mean in rows:
-        line = f"commanded {_signed(wanted)}, walks {_signed(mean)} {unit}"
+    for (name, unit), command, mean in zip(
+        _UNITS, commanded, walked, strict=True
+    ):
+        line = f"commanded {_signed(command)}, walks {_signed(mean)} {unit}"
         if name == "forward":
             lines.append(line)
-        elif wanted:
+        elif command:
             lines.append(f"{name}: {line}")
     return lines
 
@@ -79,24 +93,40 @@ def _signed(value: float) -> str:
 
 
 def distance_outside(regions: CaptureRegions) -> float:
-    """Distance [m] of the adjusted foothold from the capture region C_N."""
+    """Returns how far the adjusted foothold is outside the capture region C_N.
+
+    Args:
+        regions: capture regions of a swing.
+
+    Returns:
+        The distance [m]; 0 without a foothold or a region.
+    """
     if regions.adjusted is None or not regions.regions:
         return 0.0
     captures = regions.regions[-1]
+    p_W = regions.adjusted.p_WF[:2]
     if not len(captures):
         return 0.0
-    p_W = regions.adjusted.p_WF[:2]
     return math.dist(p_W, project(p_W, captures))
 
 
 def distance_out_of_reach(regions: CaptureRegions) -> float:
-    """Distance [m] of the reachable region from the capture region C_N."""
+    """Returns the gap between the reachable and the capture region C_N.
+
+    Args:
+        regions: capture regions of a swing.
+
+    Returns:
+        The distance [m]; 0 if they overlap, or without one of them.
+    """
     if not regions.regions:
         return 0.0
     captures, reach = regions.regions[-1], regions.reach
-    if not len(captures) or not len(reach):
-        return 0.0
-    if len(intersection(reach, captures)):
+    if (
+        not len(captures)
+        or not len(reach)
+        or len(intersection(reach, captures))
+    ):
         return 0.0
     return closest_point(reach, captures)[1]
 
@@ -126,7 +156,7 @@ class FallWatch:
         joint: str = "",
         speed_ratio: float = 0.0,
     ) -> None:
-        """Remembers what is measured at `time` [s].
+        """Remembers what is measured.
 
         Args:
             time: now [s].
@@ -135,12 +165,10 @@ class FallWatch:
             joint: the joint that is closest to its speed limit.
             speed_ratio: its speed per limit [-].
         """
-        words, swings = "", False
-        if regions is not None and regions.regions:
-            words, swings = missed_words(regions), True
-        if not swings and self._in_air:
+        words = missed_words(regions) if regions is not None else ""
+        if self._in_air and (regions is None or not regions.regions):
             self._landed.append((self._since, self._in_air))
-        if words and not self._in_air or not words:
+        if not words or not self._in_air:
             self._since = time
         self._in_air = words
         if speed_ratio > 1.0:
@@ -151,7 +179,12 @@ class FallWatch:
                 queue.popleft()
 
     def reason(self) -> str:
-        """Returns what was seen in the last second, the first of it first."""
+        """Returns what was seen in the last second.
+
+        Returns:
+            The causes, the first of them first; without any, the largest ICP
+            error; "" before the first look.
+        """
         causes: list[tuple[float, str]] = []
         if self._in_air:
             causes.append((self._since, self._in_air))
@@ -159,17 +192,23 @@ class FallWatch:
             causes = [self._landed[0]]  # what came after it was too late
         if self._fast:
             _, joint, ratio = max(self._fast, key=lambda seen: seen[2])
-            since = self._fast[0][0]
-            percent = f"{100.0 * ratio:.0f} %"
-            causes.append((since, f"{joint} at {percent} of its speed"))
+            words = f"{joint} at {100.0 * ratio:.0f} % of its speed"
+            causes.append((self._fast[0][0], words))
         if not causes and self._errors:
-            largest = max(error for _, error in self._errors)
-            return f"ICP error {largest:.2f} m"
+            return f"ICP error {max(e for _, e in self._errors):.2f} m"
         return ", ".join(words for _, words in sorted(causes))
 
 
 def missed_words(regions: CaptureRegions) -> str:
-    """Says how a foothold misses the capture region; "" if it does not."""
+    """Says how a foothold misses the capture region.
+
+    Args:
+        regions: capture regions of a swing.
+
+    Returns:
+        Such as `foothold outside the capture region by 0.21 m`; "" if it does
+        not miss it, or outside of a swing.
+    """
     outside = distance_outside(regions)
     if outside <= MISSED:
         return ""

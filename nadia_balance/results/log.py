@@ -1,11 +1,11 @@
-"""Results of a run; here its log: named arrays, and what happened in them.
+"""The log of a run: named arrays, and what happened in them.
 
 `t` (n,) [s] are the control ticks.  Row t of every signal (n, size) is its
-value at that instant; a signal has the name of its port, and `signal` returns
-its parts by name.  `foot_poses` (n, 8) are MeasuredFeet, `trunk_tilt` (n, 2) is
-a TrunkTilt.  Arrays without a row per tick contain the other data that the
-evaluation and all plots need: `sole` (4, 2) [m]; `weight` () [N]; of the
-actuators, all (nu,), `actuator_names`, `effort_limits` [N m],
+value at that instant; a signal has the name of its port, and `signal_view`
+returns its parts by name.  `foot_poses` (n, 8) are MeasuredFeet, `trunk_tilt`
+(n, 2) is a TrunkTilt.  Arrays without a row per tick contain the other data
+that the evaluation and all plots need: `sole` (4, 2) [m]; `weight` () [N]; of
+the actuators, all (nu,), `actuator_names`, `effort_limits` [N m],
 `joint_speed_limits` [rad/s] and `joint_speed_columns` of `state`;
 `region_base`, `region_forward` and `region_backward` (n, 2) [m], the
 reachability regions (see core.body.reachability); and, on a ground of regions,
@@ -26,9 +26,23 @@ from typing import Any
 
 import numpy as np
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import FootPose, Mode, Phase, Side
-from nadia_balance.systems import signals
 from nadia_balance.systems.push_source import BOUNCE, LOADED
+from nadia_balance.systems.signals import (
+    MODES,
+    PHASES,
+    ComState,
+    EcmpCommand,
+    FootForces,
+    IcpReference,
+    MeasuredFeet,
+    PushSignal,
+    QpStatus,
+    TrunkTilt,
+    VelocityCommand,
+    WalkingSignal,
+)
 
 Log = Mapping[str, np.ndarray]
 
@@ -38,26 +52,51 @@ QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
 _FELT = 1
 
 _VIEWS = {
-    "com_state": signals.ComState,
-    "ecmp_command": signals.EcmpCommand,
-    "foot_forces": signals.FootForces,
-    "foot_poses": signals.MeasuredFeet,
-    "icp_reference": signals.IcpReference,
-    "push_signal": signals.PushSignal,
-    "trunk_tilt": signals.TrunkTilt,
-    "velocity_command": signals.VelocityCommand,
-    "walking_signal": signals.WalkingSignal,
-    **dict.fromkeys(QP_STATUS, signals.QpStatus),
+    "com_state": ComState,
+    "ecmp_command": EcmpCommand,
+    "foot_forces": FootForces,
+    "foot_poses": MeasuredFeet,
+    "icp_reference": IcpReference,
+    "push_signal": PushSignal,
+    "trunk_tilt": TrunkTilt,
+    "velocity_command": VelocityCommand,
+    "walking_signal": WalkingSignal,
+    "momentum_qp_status": QpStatus,
+    "whole_body_qp_status": QpStatus,
 }
 
 
-def signal(log: Log, name: str, rows: int | slice = slice(None)) -> Any:
-    """Returns the view of a signal of _VIEWS, at these rows of the log.
+def signal_view(
+    log: Log, name: str, rows: int | slice | np.ndarray = slice(None)
+) -> Any:
+    """Returns a signal whose parts have names.
 
-    Its entries are arrays (n,), its parts (size, n): the ICP reference is
-    `x, y = signal(log, "icp_reference").icp`.
+    The ICP reference, for example, is
+    `x, y = signal_view(log, "icp_reference").icp`.
+
+    Args:
+        log: log of a run.
+        name: name of a signal, one of _VIEWS.
+        rows: rows of the log, by default all.
+
+    Returns:
+        The namedview of the signal: its entries are arrays (n,), its parts
+        (size, n); of one row they are numbers, and (size,).
     """
     return _VIEWS[name](log[name][rows].T)
+
+
+def foot_part(view: Any, side: Side) -> Any:
+    """Returns what a view has of one foot.
+
+    Args:
+        view: a namedview with `left` and `right`.
+        side: side of the foot.
+
+    Returns:
+        Its `left` or its `right`.
+    """
+    return view.left if side is Side.LEFT else view.right
 
 
 @dataclass(frozen=True)
@@ -84,25 +123,40 @@ class PhaseSpan:
         return self.support.other
 
     def carries(self, side: Side) -> bool:
-        """True if the foot of `side` is in contact by the plan."""
+        """Tells whether a foot is in contact by the plan.
+
+        Args:
+            side: side of the foot.
+
+        Returns:
+            True if it is.
+        """
         return self.phase is not Phase.SWING or side is self.support
 
 
 def phase_spans(log: Log) -> list[PhaseSpan]:
-    """Returns the phases of the run, in order; none if they are not logged."""
+    """Returns the phases of a run.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The phases in order; none if they are not logged.
+    """
     if "walking_signal" not in log or not len(log["t"]):
         return []
-    t, walking = log["t"], signal(log, "walking_signal")
+    t, walking = log["t"], signal_view(log, "walking_signal")
     last = len(t) - 1
-    what = walking.phase, walking.support_side, walking.steps_taken
-    changed = np.any(np.diff(np.stack(what)) != 0.0, axis=0)
+    changed = np.any(
+        np.diff([walking.phase, walking.support_side, walking.steps_taken]),
+        axis=0,
+    )
     # A transfer may follow another one: to stand, and then to a step.
     changed |= np.diff(walking.time_in_phase) < 0.0
-    edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(t)]
     return [
         PhaseSpan(
-            phase=signals.PHASES[int(walking.phase[first])],
-            support=support_side(signal(log, "walking_signal", first)),
+            phase=PHASES[int(walking.phase[first])],
+            support=support_side(signal_view(log, "walking_signal", first)),
             first=first,
             last=end - 1,
             start=float(t[first]),
@@ -110,7 +164,9 @@ def phase_spans(log: Log) -> list[PhaseSpan]:
             planned=float(walking.duration[first]),
             complete=end <= last,
         )
-        for first, end in itertools.pairwise(edges)
+        for first, end in itertools.pairwise(
+            [0, *(np.flatnonzero(changed) + 1).tolist(), len(t)]
+        )
     ]
 
 
@@ -119,39 +175,54 @@ class ModeSpan:
     """A time in which the mode stays the same."""
 
     mode: Mode
-    first: int  # row in the log
     start: float  # [s]
     end: float  # [s]
 
 
 def mode_spans(log: Log) -> list[ModeSpan]:
-    """Returns the modes of the run, in order; none if they are not logged."""
+    """Returns the modes of a run.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The modes in order; none if they are not logged.
+    """
     if "walking_signal" not in log or not len(log["t"]):
         return []
-    t, mode = log["t"], signal(log, "walking_signal").mode
-    edges = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(t) - 1]
+    t, mode = log["t"], signal_view(log, "walking_signal").mode
     return [
         ModeSpan(
-            mode=signals.MODES[int(mode[first])],
-            first=first,
+            mode=MODES[int(mode[first])],
             start=float(t[first]),
             end=float(t[last]),
         )
-        for first, last in itertools.pairwise(edges)
+        for first, last in itertools.pairwise(
+            [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(t) - 1]
+        )
     ]
 
 
-def velocity_commands(log: Log) -> list[tuple[float, np.ndarray]]:
-    """Returns the times [s] of changes of the velocity command, and it (3,).
+def velocity_commands(log: Log) -> list[tuple[float, Array]]:
+    """Returns the changes of the velocity command.
 
     The first one is the command at the start, if it is not to stand.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        Times [s], and the commands from then on: forward, left [m/s] and turn
+        [rad/s], (3,).
     """
     if "velocity_command" not in log:
         return []
-    told = log["velocity_command"]
-    before = np.vstack([np.zeros(3), told[:-1]])[: len(told)]
-    rows = np.flatnonzero(np.any(told != before, axis=1))
-    return [(float(log["t"][row]), told[row]) for row in rows]
+    commands = log["velocity_command"]
+    before = np.vstack([np.zeros(3), commands[:-1]])[: len(commands)]
+    return [
+        (float(log["t"][row]), commands[row])
+        for row in np.flatnonzero(np.any(commands != before, axis=1))
+    ]
 
 
 @dataclass(frozen=True)
@@ -169,42 +240,62 @@ class Step:
     @property
     def error(self) -> float:
         """Horizontal distance [m] between achieved and adjusted foothold."""
-        offset = self.achieved.p_WF - self.adjusted.p_WF
-        return float(np.linalg.norm(offset[:2]))
+        return float(
+            np.linalg.norm((self.achieved.p_WF - self.adjusted.p_WF)[:2])
+        )
 
     @property
-    def adjustment(self) -> np.ndarray:
+    def adjustment(self) -> Array:
         """Shift (2,) [m] of the adjusted from the commanded foothold, in W."""
         return (self.adjusted.p_WF - self.commanded.p_WF)[:2]
 
 
 def steps(log: Log) -> list[Step]:
-    """Returns the steps that have landed, in order."""
+    """Returns the steps that have landed.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The steps in order.
+    """
     spans = phase_spans(log)
-    found = []
+    taken = []
     for i, swing in enumerate(spans):
         if swing.phase is not Phase.SWING or not swing.complete:
             continue
-        before, landed = spans[i - 1] if i else None, swing.last + 1
-        found.append(
+        transfer = spans[i - 1] if i else None
+        first, landed = (transfer or swing).first, swing.last + 1
+        taken.append(
             Step(
                 side=swing.swing_side,
-                commanded=_scheduled(log, (before or swing).first, "target"),
-                adjusted=_scheduled(log, swing.last, "target"),
+                commanded=_target(log, first),
+                adjusted=_target(log, swing.last),
                 achieved=sole_pose(log, landed, swing.swing_side),
                 swing=swing,
-                transfer=before,
-                number=int(signal(log, "walking_signal", landed).steps_taken),
+                transfer=transfer,
+                number=int(
+                    signal_view(log, "walking_signal", landed).steps_taken
+                ),
             )
         )
-    return found
+    return taken
 
 
 def contacts(log: Log, side: Side) -> list[tuple[float, float]]:
-    """Measured contacts of the foot of `side`: (start, duration) [s]."""
-    t, forces = log["t"], signal(log, "foot_forces")
-    weight = np.median(forces.left + forces.right)
-    loaded = getattr(forces, side.value) > LOADED * weight
+    """Returns the measured contacts of a foot.
+
+    Args:
+        log: log of a run.
+        side: side of the foot.
+
+    Returns:
+        Start and duration [s] of each contact.
+    """
+    t, forces = log["t"], signal_view(log, "foot_forces")
+    loaded = foot_part(forces, side) > LOADED * np.median(
+        forces.left + forces.right
+    )
     edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded, [0]])))
     return [
         (float(t[a]), float(t[min(b, len(t) - 1)] - t[a]))
@@ -213,65 +304,126 @@ def contacts(log: Log, side: Side) -> list[tuple[float, float]]:
 
 
 def landings(log: Log) -> list[float]:
-    """Returns the times [s] of all landings: of its steps, or as measured.
+    """Returns when the feet have landed: of its steps, or as measured.
 
     A foot that was in the air for less than BOUNCE has not been lifted.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        Times [s] of all landings, in order.
     """
     if "walking_signal" in log or "foot_forces" not in log:
         return [step.swing.end for step in steps(log)]
-    found = []
-    for spans in (contacts(log, side) for side in Side):
-        ends = [start + duration for start, duration in spans]
-        starts = [start for start, _ in spans[1:]]
-        flights = zip(ends, starts, strict=False)
-        found += [end for start, end in flights if end - start > BOUNCE]
-    return sorted(found)
+    return sorted(
+        landing
+        for side in Side
+        for (start, duration), (landing, _) in itertools.pairwise(
+            contacts(log, side)
+        )
+        if landing - (start + duration) > BOUNCE
+    )
 
 
-def ground_regions(log: Log) -> list[np.ndarray]:
-    """Returns the regions of the ground (n, 2) [m]; none if it is flat."""
+def ground_regions(log: Log) -> list[Array]:
+    """Returns the regions of the ground.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        Polygons (n, 2) [m] in W; none if the ground is flat.
+    """
     if "ground" not in log:
         return []
     number, *corners = log["ground"].T
-    ends = np.flatnonzero(np.diff(number)) + 1
-    return np.split(np.column_stack(corners), ends)
+    return np.split(
+        np.column_stack(corners), np.flatnonzero(np.diff(number)) + 1
+    )
 
 
 def sole_pose(log: Log, row: int, side: Side) -> FootPose:
-    """The pose of a sole in the schedule at this row, on the ground."""
-    return _scheduled(log, row, side.value)
+    """Returns the pose of a sole in the schedule, on the ground.
+
+    Args:
+        log: log of a run.
+        row: row of the log.
+        side: side of the foot.
+
+    Returns:
+        The pose in W, of height 0.
+    """
+    return _level_pose(foot_part(signal_view(log, "walking_signal", row), side))
 
 
-def _scheduled(log: Log, row: int, what: str) -> FootPose:
-    """The pose of `left` or `right`, or the `target`, NaN if there is none."""
-    x, y, yaw = getattr(signal(log, "walking_signal", row), what)
+def _target(log: Log, row: int) -> FootPose:
+    """The next foothold at this row, NaN if there is none."""
+    return _level_pose(signal_view(log, "walking_signal", row).target)
+
+
+def _level_pose(entries: Array) -> FootPose:
+    """The pose of x, y [m] and yaw [rad], (3,), on the ground."""
+    x, y, yaw = entries
     return FootPose(np.array([x, y, 0.0]), float(yaw))
 
 
-def walking_at(log: Log, row: int) -> signals.WalkingSignal | None:
-    """The walking signal at this row, None if it is not logged."""
+def walking_at(log: Log, row: int) -> WalkingSignal | None:
+    """Returns the walking signal at a row.
+
+    Args:
+        log: log of a run.
+        row: row of the log.
+
+    Returns:
+        The signal, None if it is not logged.
+    """
     name = "walking_signal"
-    return signal(log, name, row) if name in log else None
+    return WalkingSignal(log[name][row]) if name in log else None
 
 
-def support_side(walking: signals.WalkingSignal) -> Side:
-    """The foot that carries, or that receives the weight, in one row."""
+def support_side(walking: WalkingSignal) -> Side:
+    """Returns the foot that carries, or that receives the weight.
+
+    Args:
+        walking: walking signal in one row.
+
+    Returns:
+        The side of the foot.
+    """
     return Side.LEFT if walking.support_side > 0 else Side.RIGHT
 
 
-def push_direction(walking, force: np.ndarray) -> float:
-    """Direction [0, 360) [deg] of `force` (3,) to the support foot, or in W."""
-    yaw = 0.0
+def push_direction(walking: WalkingSignal | None, force: Array) -> float:
+    """Returns the direction of a push to the support foot, or in W.
+
+    Args:
+        walking: walking signal in the row of the push, if logged.
+        force: force (3,) in W [N].
+
+    Returns:
+        The angle, in [0, 360) [deg].
+    """
+    angle = math.atan2(force[1], force[0])
     if walking is not None:
-        yaw = getattr(walking, support_side(walking).value)[2]
-    angle = math.atan2(force[1], force[0]) - yaw
+        angle -= foot_part(walking, support_side(walking))[2]
     return round(math.degrees(angle), 6) % 360.0
 
 
-def icp_error(log: Log) -> np.ndarray:
-    """Distance (n,) [m] of the ICP from its reference."""
-    reference = signal(log, "icp_reference").icp
-    return np.linalg.norm(log["icp"].T - reference, axis=0)
+def icp_error(log: Log) -> Array:
+    """Returns the distance of the ICP from its reference.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        |icp - icp_reference| (n,) [m].
+    """
+    return np.asarray(
+        np.linalg.norm(
+            log["icp"].T - signal_view(log, "icp_reference").icp, axis=0
+        )
+    )
 
 
 @dataclass(frozen=True)
@@ -281,34 +433,40 @@ class PushSpan:
     first: int  # row in the log
     start: float  # [s]
     end: float  # [s]
-    force: np.ndarray  # peak (3,) [N], in its initial direction, in W
+    force: Array  # peak (3,) [N], in its initial direction, in W
     delta_v: float  # [m/s]
     direction_deg: float  # relative to the support foot, in [0, 360) [deg]
     rows: np.ndarray  # rows of the log in which it acts
 
 
 def pushes(log: Log) -> list[PushSpan]:
-    """Returns the pushes of the run, in the order in which they began.
+    """Returns the pushes of a run.
 
     If pushes overlap, the signal shows only the one that began last.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The pushes, in the order in which they began.
     """
     if "push_signal" not in log:
         return []
-    push = signal(log, "push_signal")
+    push = signal_view(log, "push_signal")
     t, spans = log["t"], []
     for number in dict.fromkeys(push.number[np.any(push.force, axis=0)]):
         rows = np.flatnonzero(push.number == number)
         first = max(int(rows[0]) - _FELT, 0)
         sizes = np.linalg.norm(push.force[:, rows], axis=0)
-        begins = push.force[:, rows[0]] / max(sizes[0], 1e-9)
+        direction = push.force[:, rows[0]] / max(sizes[0], 1e-9)
         spans.append(
             PushSpan(
                 first=first,
                 start=float(t[first]),
                 end=float(t[rows[-1] + 1 - _FELT]),
-                force=begins * np.max(sizes),
+                force=direction * np.max(sizes),
                 delta_v=float(push.delta_v[rows[0]]),
-                direction_deg=push_direction(walking_at(log, first), begins),
+                direction_deg=push_direction(walking_at(log, first), direction),
                 rows=rows,
             )
         )

@@ -6,13 +6,25 @@ from typing import Any
 
 import numpy as np
 
-import nadia_balance.results.log as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces
 from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.results.estimation import ESTIMATE, measure_estimate
 from nadia_balance.results.live_watches import VelocityWatch
-from nadia_balance.results.log import Log, icp_error, pushes, signal, steps
-from nadia_balance.systems.signals import PHASES
+from nadia_balance.results.log import (
+    QP_STATUS,
+    Log,
+    PushSpan,
+    foot_part,
+    ground_regions,
+    icp_error,
+    landings,
+    phase_spans,
+    pushes,
+    signal_view,
+    steps,
+)
+from nadia_balance.systems.signals import PHASES, WalkingSignal
 
 ICP_BACK = 0.05  # bound of the ICP error of a recovered robot [m]
 SETTLED = 0.5  # time below ICP_BACK of a robot that stands or walks again [s]
@@ -20,27 +32,31 @@ SETTLED = 0.5  # time below ICP_BACK of a robot that stands or walks again [s]
 SQUARE, SQUARE_DEG = 0.1, 10.0  # [m]
 STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
-# The estimator is lost when the NEES of its 9 errors, 9 on average [-], has
-# been above LOST_NEES for LOST_AFTER [s].
-ESTIMATE = "state estimated_state estimate_covariance"
-LOST_NEES, LOST_AFTER = 90.0, 0.2
-_INITIAL = 1.0  # errors of the estimate count from here on [s]
 
 
 class CalmSteps:
     """Counts, tick by tick, the whole steps with a small ICP error.
 
     They follow the last push; from one landing to the next the error is always
-    below ICP_BACK.  `since` [s] and `taken` are the time of the last large
-    error or push, and the number of steps taken until then.
+    below ICP_BACK.  `taken` is the number of steps taken until the last large
+    error or push.
     """
 
-    since, taken = 0.0, 0
+    taken = 0
 
-    def look(self, time: float, steps_taken: int, error: float, pushed) -> int:
-        """Returns the calm steps at `time` [s]; `error` [m] is the ICP's."""
+    def look(self, steps_taken: int, error: float, pushed: bool | float) -> int:
+        """Returns the number of calm steps until now.
+
+        Args:
+            steps_taken: number of steps that have landed.
+            error: ICP error [m].
+            pushed: whether a push acts, or is still to come.
+
+        Returns:
+            The number.
+        """
         if pushed or not error < ICP_BACK:
-            self.since, self.taken = time, steps_taken
+            self.taken = steps_taken
         return max(steps_taken - self.taken - 1, 0)
 
 
@@ -53,19 +69,45 @@ class StandsWatch:
     _since = math.inf  # [s]
 
     def look(
-        self, time: float, walking: Any, error: float, pushed: Any
+        self,
+        time: float,
+        walking: WalkingSignal,
+        error: float,
+        pushed: bool | float,
     ) -> float:
-        """Returns the time [s] it has stood; `walking` is a WalkingSignal."""
-        stands = bool(walking.phase == STANDS) and is_square(walking)
-        if pushed or not error < ICP_BACK or not stands:
+        """Returns for how long it has stood.
+
+        Args:
+            time: now [s].
+            walking: walking signal now.
+            error: ICP error [m].
+            pushed: whether a push acts, or is still to come.
+
+        Returns:
+            The time [s].
+        """
+        if (
+            pushed
+            or not error < ICP_BACK
+            or walking.phase != STANDS
+            or not is_square(walking)
+        ):
             self._since = math.inf
             return 0.0
         self._since = min(self._since, time)
         return time - self._since
 
 
-def is_square(walking: Any) -> bool:
-    """True if the feet of a WalkingSignal, in one row, are side by side."""
+def is_square(walking: WalkingSignal) -> bool:
+    """Tells whether the feet are side by side.
+
+    Args:
+        walking: walking signal in one row.
+
+    Returns:
+        True if one foot is less than SQUARE ahead of the other, and turned by
+        less than SQUARE_DEG.
+    """
     x, y, yaw = walking.right - walking.left
     heading = _heading(walking)
     ahead = x * math.cos(heading) + y * math.sin(heading)
@@ -73,81 +115,133 @@ def is_square(walking: Any) -> bool:
     return abs(ahead) < SQUARE and abs(turned) < SQUARE_DEG
 
 
-def _heading(walking: Any) -> float:
+def _heading(walking: WalkingSignal) -> float:
     """The heading [rad] of the frame between the feet, in one row."""
     turn = math.remainder(walking.right[2] - walking.left[2], math.tau)
     return float(walking.left[2] + 0.5 * turn)
 
 
 def walked_velocity(log: Log) -> tuple[Array, float] | None:
-    """Returns the velocity (n, 3) walked, and the time [s] of its means.
+    """Returns the velocity that was walked.
 
     It is the mean of two steps, as in a live session (see VelocityWatch), of
-    the CoM, in the frame between the feet.  None without these, or steps.
+    the CoM, in the frame between the feet.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        Forward, left [m/s] and turn [rad/s], (n, 3), and the time of the means
+        [s]; None without CoM, feet or two steps.
     """
-    landings = logs.landings(log)
-    if not {"walking_signal", "com_state"} <= {*log} or len(landings) < 2:
+    times = landings(log)
+    if not {"walking_signal", "com_state"} <= {*log} or len(times) < 2:
         return None
-    window = 2.0 * float(np.median(np.diff(landings)))
+    window = 2.0 * float(np.median(np.diff(times)))
     watch, velocity = VelocityWatch(window), []
-    places = signal(log, "com_state").position[:2].T
-    for row, (time, place) in enumerate(zip(log["t"], places, strict=True)):
-        heading = _heading(signal(log, "walking_signal", row))
-        velocity.append(watch.look(float(time), place, heading))
+    places = signal_view(log, "com_state").position[:2].T
+    for row, time in enumerate(log["t"]):
+        heading = _heading(signal_view(log, "walking_signal", row))
+        velocity.append(watch.look(float(time), places[row], heading))
     return np.array(velocity), window
 
 
 def stands_square(log: Log) -> bool:
-    """True if the robot stands at the end; on regions of ground, anywhere."""
-    walking = signal(log, "walking_signal", -1)
-    if walking.phase != STANDS:
-        return False
-    return "ground" in log or is_square(walking)
+    """Tells whether the robot stands at the end, feet square.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        True if it does; on regions of ground its feet may be anywhere.
+    """
+    walking = signal_view(log, "walking_signal", -1)
+    return bool(walking.phase == STANDS) and (
+        "ground" in log or is_square(walking)
+    )
 
 
 def calm_steps(log: Log) -> int:
-    """Number of calm steps (see CalmSteps) at the end of the log."""
+    """Returns the number of calm steps (see CalmSteps) at the end.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The number.
+    """
     begin = recovered_at(log, next(reversed(pushes(log)), None))
     return max(sum(s.swing.end > begin for s in steps(log)) - 1, 0)
 
 
-def recovered_at(log: Log, push: logs.PushSpan | None) -> float:
-    """Time [s] of the last ICP error above ICP_BACK, or the end of `push`."""
+def recovered_at(log: Log, push: PushSpan | None) -> float:
+    """Returns when the ICP error was last not below ICP_BACK.
+
+    Args:
+        log: log of a run.
+        push: last push, if any.
+
+    Returns:
+        The time [s], at least that of the end of the push; 0 without one.
+    """
     begin = push.end if push else 0.0
-    after = log["t"] >= begin
-    large = np.flatnonzero(after & (icp_error(log) >= ICP_BACK))
+    large = np.flatnonzero((log["t"] >= begin) & (icp_error(log) >= ICP_BACK))
     return float(log["t"][large[-1]]) if len(large) else begin
 
 
 def recovery_time(log: Log) -> float | None:
-    """Time [s] from the start of the last push to `recovered_at`, if any."""
+    """Returns the time from the start of the last push to `recovered_at`.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The time [s]; None without a push or an ICP.
+    """
     last = pushes(log)[-1:] if "icp" in log else []
     return recovered_at(log, last[0]) - last[0].start if last else None
 
 
 def measure(log: Log) -> dict[str, Any]:
-    """Returns all measurements as plain values, None if not available."""
-    found: dict[str, Any] = {}
+    """Returns all measurements of a run.
+
+    Args:
+        log: log of the run.
+
+    Returns:
+        Plain values by name, None if not available.
+    """
+    values: dict[str, Any] = {}
     for name, (needs, function) in _MEASUREMENTS.items():
-        value = function(log) if {*needs.split()} <= {*log} else None
-        found[name] = largest(value) if isinstance(value, np.ndarray) else value
-    return found
+        value = function(log) if {*needs} <= {*log} else None
+        values[name] = (
+            largest(value) if isinstance(value, np.ndarray) else value
+        )
+    return values
 
 
 def largest(values: Array) -> float | None:
-    """The largest value; None if there is none."""
+    """Returns the largest value.
+
+    Args:
+        values: of any shape.
+
+    Returns:
+        The value; None if there is none.
+    """
     return float(np.max(values)) if values.size else None
 
 
-def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, Any]:
+def _measure_push(log: Log, push: PushSpan) -> dict[str, Any]:
     """Data of one push, with its impulse and the work done on the CoM."""
     felt = push.rows
     before = np.maximum(felt - 1, 0)
-    force = signal(log, "push_signal", felt).force
-    impulses = force * (log["t"][felt] - log["t"][before])
+    impulses = signal_view(log, "push_signal", felt).force * (
+        log["t"][felt] - log["t"][before]
+    )
     work = None
     if "com_state" in log:
-        com = signal(log, "com_state").velocity
+        com = signal_view(log, "com_state").velocity
         work = float(np.sum(impulses * 0.5 * (com[:, before] + com[:, felt])))
     return {
         "time_s": push.start,
@@ -161,41 +255,63 @@ def _measure_push(log: Log, push: logs.PushSpan) -> dict[str, Any]:
 
 
 def body_sway(log: Log) -> Array:
-    """Tilt (n,) [deg] of the line from the midpoint of the soles to the CoM.
+    """Returns the tilt of the line from the midpoint of the soles to the CoM.
 
     A foot in the air has its last pose on the ground; the height: `com_height`.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The angle to the vertical (n,) [deg].
     """
-    feet, com = signal(log, "walking_signal"), signal(log, "com_state").position
+    feet = signal_view(log, "walking_signal")
     middle = 0.5 * (feet.left[:2] + feet.right[:2])
-    away = np.hypot(*(com[:2] - middle))
-    return np.degrees(np.arctan2(away, com_height(log)))
+    away = np.hypot(*(signal_view(log, "com_state").position[:2] - middle))
+    return np.asarray(np.degrees(np.arctan2(away, com_height(log))))
 
 
 def com_height(log: Log) -> Array:
-    """Height (n,) [m] of the CoM above the lower one of the soles."""
-    height = signal(log, "com_state").position[2]
+    """Returns the height of the CoM above the lower one of the soles.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The height (n,) [m]; of a point mass, that in W.
+    """
+    height: Array = signal_view(log, "com_state").z
     if "foot_poses" not in log:
         return height
-    soles = signal(log, "foot_poses")
-    return height - np.minimum(soles.left[2], soles.right[2])
+    soles = signal_view(log, "foot_poses")
+    return np.asarray(height - np.minimum(soles.left_z, soles.right_z))
 
 
 def trunk_tilts(log: Log) -> Array:
-    """Angles (2, n) [deg] of torso and pelvis to the vertical; n = 0: none."""
-    return np.degrees(log.get("trunk_tilt", np.zeros((0, 2))).T)
+    """Returns the angles of torso and pelvis to the vertical.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The angles (2, n) [deg]; n = 0 if they are not logged.
+    """
+    return np.asarray(np.degrees(log.get("trunk_tilt", np.zeros((0, 2))).T))
 
 
 def _durations(log: Log, phase: Phase) -> list[float]:
     """Durations [s] of the completed phases of this kind."""
-    ended = (span for span in logs.phase_spans(log) if span.complete)
-    return [round(span.duration, 6) for span in ended if span.phase is phase]
+    return [
+        round(span.duration, 6)
+        for span in phase_spans(log)
+        if span.complete and span.phase is phase
+    ]
 
 
 def _steps_after_push(log: Log) -> int:
     """Number of landings since the last push began, or since the start."""
-    last = pushes(log)[-1:]
-    begin = last[0].start if last else -math.inf
-    return sum(time > begin for time in logs.landings(log))
+    begin = max((push.start for push in pushes(log)[-1:]), default=-math.inf)
+    return sum(time > begin for time in landings(log))
 
 
 def _stance_slip(log: Log) -> float:
@@ -203,39 +319,62 @@ def _stance_slip(log: Log) -> float:
 
     In a run without a swing: of either foot, since its phase began.
     """
-    spans = logs.phase_spans(log)
+    spans = phase_spans(log)
     swings = [s for s in spans if s.phase is Phase.SWING]
     slips = [0.0]
     for span in swings or spans:
-        feet = signal(log, "foot_poses", slice(span.first, span.last + 1))
+        feet = signal_view(log, "foot_poses", slice(span.first, span.last + 1))
         for side in filter(span.carries, Side):
-            x, y, _ = getattr(feet, side.value)
+            x, y, _ = foot_part(feet, side)
             slips.append(np.max(np.hypot(x - x[0], y - y[0])))
     return float(np.max(slips))
 
 
 def torque_ratio(log: Log) -> Array:
-    """|torque| / limit (n, nu) [-]; empty without joints."""
+    """Returns the commanded torques per limit.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        |torque| / limit (n, nu) [-]; empty without joints.
+    """
     if "effort_limits" not in log:
         return np.zeros((0, 0))
     return np.abs(log["actuation"]) / log["effort_limits"]
 
 
 def joint_speed(log: Log) -> Array:
-    """|joint speed| (n, nu) [rad/s]; empty without joints."""
+    """Returns the speeds of the joints.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        |joint speed| (n, nu) [rad/s]; empty without joints.
+    """
     if "joint_speed_columns" not in log:
         return np.zeros((0, 0))
     return np.abs(log["state"][:, log["joint_speed_columns"]])
 
 
 def joint_speed_ratio(log: Log) -> Array:
-    """|joint speed| / limit (n, nu) [-]; empty without joints."""
+    """Returns the speeds of the joints per limit.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        |joint speed| / limit (n, nu) [-]; empty without joints.
+    """
     return joint_speed(log) / log.get("joint_speed_limits", np.ones(0))
 
 
 def _powers(log: Log) -> Array:
     """Mechanical power (n, nu) [W] of each drive; negative while braking."""
-    return log["torques"] * log["state"][:, log["joint_speed_columns"]]
+    return np.asarray(
+        log["torques"] * log["state"][:, log["joint_speed_columns"]]
+    )
 
 
 def _swing_speeds(log: Log) -> Array:
@@ -243,10 +382,9 @@ def _swing_speeds(log: Log) -> Array:
     speeds = []
     for step in steps(log):
         rows = slice(step.swing.first, step.swing.last + 2)
-        feet = signal(log, "foot_poses", rows)
-        ways = np.diff(getattr(feet, step.side.value))
-        speed = np.linalg.norm(ways, axis=0) / np.diff(log["t"][rows])
-        speeds.append(np.mean(speed))
+        place = foot_part(signal_view(log, "foot_poses", rows), step.side)
+        moved = np.linalg.norm(np.diff(place), axis=0)
+        speeds.append(np.mean(moved / np.diff(log["t"][rows])))
     return np.array(speeds)
 
 
@@ -260,15 +398,18 @@ def _sole_distance(log: Log) -> float:
     heights = poses[:, :, 2]
     poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
     # The plane as complex numbers: corners (n, k) of each foot.
-    turns = np.exp(1j * poses[:, :, 3:]) * (log["sole"] @ [1.0, 1j])
-    soles = turns + poses[:, :, :1] + 1j * poses[:, :, 1:2]
+    soles = (
+        np.exp(1j * poses[:, :, 3:]) * (log["sole"] @ [1.0, 1j])
+        + poses[:, :, :1]
+        + 1j * poses[:, :, 1:2]
+    )
     left, right = np.moveaxis(soles, 1, 0)
     edges = 1j * (np.roll(soles, -1, axis=2) - soles).reshape(len(soles), -1)
     between = left[:, :, None] - right[:, None]
     gaps = np.zeros(len(soles))
-    ways = np.hstack((edges, -edges, between.reshape(edges.shape[0], -1)))
-    for way in ways.T:
-        along = (way / np.maximum(np.abs(way), 1e-12)).conj()[:, None]
+    lines = np.hstack((edges, -edges, between.reshape(edges.shape[0], -1)))
+    for line in lines.T:
+        along = (line / np.maximum(np.abs(line), 1e-12)).conj()[:, None]
         a, b = (left * along).real, (right * along).real
         gaps = np.maximum(gaps, a.min(axis=1) - b.max(axis=1))
     return float(np.min(gaps, initial=math.inf))
@@ -276,124 +417,87 @@ def _sole_distance(log: Log) -> float:
 
 def _edge_distances(log: Log) -> list[float]:
     """Distance [m] of each landed sole to its region's edge; < 0: outside."""
-    sides = [halfspaces(region) for region in logs.ground_regions(log)]
-    soles = [step.achieved.to_world(log["sole"]) for step in steps(log)]
-    inside = ([np.min(b - sole @ A.T) for A, b in sides] for sole in soles)
-    return [float(max(distances)) for distances in inside]
-
-
-def estimation_errors(log: Log) -> Array:
-    """Errors (n, 9) of the pelvis: angle [rad], velocity [m/s], position [m].
-
-    Truth less estimate in W; the angle is the small rotation between them.
-    """
-    truth, told = log["state"], log["estimated_state"]
-    nq = (truth.shape[1] + 1) // 2  # of 7 + nj positions, 6 + nj velocities
-    # Vector part of the quaternion q conj(q_told), twice.
-    (a, u), (b, w) = ((q[:, :1], q[:, 1:4]) for q in (truth, told))
-    turn = b * u - a * w - np.cross(u, w)
-    dot = np.sum(truth[:, :4] * told[:, :4], axis=1, keepdims=True)
-    turn *= 2.0 * np.sign(dot)  # q and -q are the same rotation
-    move = (truth - told)[:, 4:7]
-    speed = (truth - told)[:, nq + 3 : nq + 6]
-    return np.concatenate((turn, speed, move), axis=1)
-
-
-def nees(log: Log) -> Array:
-    """The NEES e' P^-1 e (n,) [-] of these errors; 9 on average."""
-    e = estimation_errors(log)
-    P = log["estimate_covariance"].reshape(-1, 9, 9)
-    return np.sum(e * np.linalg.solve(P, e[:, :, None])[:, :, 0], axis=1)
-
-
-class LostWatch:
-    """Tells, tick by tick, whether the NEES has been out for LOST_AFTER."""
-
-    _since = math.inf  # [s]
-
-    def look(self, time: float, squared_error: float) -> bool:
-        """True if it has, by the NEES at `time` [s]."""
-        out = squared_error > LOST_NEES
-        self._since = min(self._since, time) if out else math.inf
-        return time - self._since >= LOST_AFTER - 1e-9  # times are rounded
-
-
-def lost_at(log: Log) -> float | None:
-    """Time [s] at which the estimator was lost (see LostWatch); None: never."""
-    if not {*ESTIMATE.split()} <= {*log}:
-        return None
-    watch, ticks = LostWatch(), zip(log["t"], nees(log), strict=True)
-    return next((float(t) for t, e in ticks if watch.look(t, e)), None)
-
-
-def measure_estimate(log: Log) -> dict[str, float] | None:
-    """Errors of the estimate after the start; None for a run that short."""
-    late = log["t"] >= _INITIAL
-    if not late.any():
-        return None
-    error = estimation_errors(log)[late]
-    return {
-        "rms_velocity_m_s": math.sqrt(np.mean(error[:, 3:6] ** 2) * 3.0),
-        "max_tilt_deg": math.degrees(np.max(np.hypot(*error[:, :2].T))),
-        "last_horizontal_m": math.hypot(*error[-1, 6:8]),
-        "max_height_m": float(np.max(np.abs(error[:, 8]))),
-        "mean_nees": float(np.mean(nees(log)[late])),  # 9 if P is true
-    }
+    sides = [halfspaces(region) for region in ground_regions(log)]
+    return [
+        float(
+            max(
+                np.min(b - step.achieved.to_world(log["sole"]) @ A.T)
+                for A, b in sides
+            )
+        )
+        for step in steps(log)
+    ]
 
 
 def _qps(log: Log) -> list[Any]:
-    present = [name for name in logs.QP_STATUS if name in log and len(log["t"])]
-    return [signal(log, name) for name in present]
+    return [
+        signal_view(log, name)
+        for name in QP_STATUS
+        if name in log and len(log["t"])
+    ]
 
 
 def _qp_failures(log: Log) -> int:
-    several = (max(np.sum(q.solved < 0.5), q.failures[-1]) for q in _qps(log))
-    return sum(map(int, several))
+    return sum(
+        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
+    )
+
+
+def _qp_fallbacks(log: Log) -> int:
+    return sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(log))
+
+
+def _qp_violations(log: Log) -> Array:
+    """Those of both QPs, but of solves that failed: NaN."""
+    return np.concatenate(
+        [qp.violation[np.isfinite(qp.violation)] for qp in _qps(log)] or [[]]
+    )
 
 
 # Name: the signals that are needed, and a function of a log; of an array the
 # largest entry counts.  Units are in the names, or as of the functions.
-_MEASUREMENTS: dict[str, tuple[str, Callable[[Log], Any]]] = {
-    "duration_s": ("t", lambda x: x["t"] - x["t"][:1]),
-    "pushes": ("t", lambda x: [_measure_push(x, p) for p in pushes(x)]),
-    "body_sway_deg": ("com_state", body_sway),
-    "max_torso_tilt_deg": ("trunk_tilt", lambda x: trunk_tilts(x)[0]),
-    "max_pelvis_tilt_deg": ("trunk_tilt", lambda x: trunk_tilts(x)[1]),
-    "com_sag_m": ("com_state", lambda x: com_height(x)[:1] - com_height(x)),
-    "max_icp_error_m": ("icp", icp_error),
-    "footstep_error_m": ("t", lambda x: np.array([s.error for s in steps(x)])),
-    "swing_durations_s": ("t", lambda x: _durations(x, Phase.SWING)),
-    "transfer_durations_s": ("t", lambda x: _durations(x, Phase.TRANSFER)),
-    "steps_taken": ("t", lambda x: len(logs.landings(x))),
-    "steps_after_push": ("t", _steps_after_push),
-    "calm_steps": ("icp", calm_steps),
-    "stance_slip_m": ("foot_poses walking_signal", _stance_slip),
-    "max_torque_ratio": ("effort_limits", torque_ratio),
+_MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
+    "duration_s": (("t",), lambda x: x["t"] - x["t"][:1]),
+    "pushes": (("t",), lambda x: [_measure_push(x, p) for p in pushes(x)]),
+    "body_sway_deg": (("com_state",), body_sway),
+    "max_torso_tilt_deg": (("trunk_tilt",), lambda x: trunk_tilts(x)[0]),
+    "max_pelvis_tilt_deg": (("trunk_tilt",), lambda x: trunk_tilts(x)[1]),
+    "com_sag_m": (("com_state",), lambda x: com_height(x)[:1] - com_height(x)),
+    "max_icp_error_m": (("icp",), icp_error),
+    "footstep_error_m": (
+        ("t",),
+        lambda x: np.array([step.error for step in steps(x)]),
+    ),
+    "swing_durations_s": (("t",), lambda x: _durations(x, Phase.SWING)),
+    "transfer_durations_s": (("t",), lambda x: _durations(x, Phase.TRANSFER)),
+    "steps_taken": (("t",), lambda x: len(landings(x))),
+    "steps_after_push": (("t",), _steps_after_push),
+    "calm_steps": (("icp",), calm_steps),
+    "stance_slip_m": (("foot_poses", "walking_signal"), _stance_slip),
+    "max_torque_ratio": (("effort_limits",), torque_ratio),
     # From tick to tick, of the commands [N m].
-    "max_torque_step": ("actuation", lambda x: abs(np.diff(x["actuation"].T))),
-    "max_joint_speed": ("state", joint_speed),
-    "max_joint_speed_ratio": ("joint_speed_limits", joint_speed_ratio),
-    "max_power_w": ("torques", lambda x: _powers(x).sum(axis=1)),
+    "max_torque_step": (
+        ("actuation",),
+        lambda x: abs(np.diff(x["actuation"].T)),
+    ),
+    "max_joint_speed": (("state",), joint_speed),
+    "max_joint_speed_ratio": (("joint_speed_limits",), joint_speed_ratio),
+    "max_power_w": (("torques",), lambda x: _powers(x).sum(axis=1)),
     # Power of the drives that do not brake.
-    "positive_power_w": ("torques", lambda x: _powers(x).clip(0.0).sum(axis=1)),
-    "mean_swing_foot_speed": ("foot_poses", _swing_speeds),
+    "positive_power_w": (
+        ("torques",),
+        lambda x: _powers(x).clip(0.0).sum(axis=1),
+    ),
+    "mean_swing_foot_speed": (("foot_poses",), _swing_speeds),
     # Each force is the mean of a tick.
     "max_impact_body_weights": (
-        "weight",
+        ("weight",),
         lambda x: x["foot_forces"] / x["weight"],
     ),
     "estimate": (ESTIMATE, measure_estimate),
-    "min_sole_distance_m": ("foot_poses", _sole_distance),
-    "min_edge_distances_m": ("ground", _edge_distances),
-    "qp_failures": ("t", _qp_failures),
-    "qp_fallbacks": (
-        "t",
-        lambda x: sum(int(np.sum(q.fallback > 0.5)) for q in _qps(x)),
-    ),
-    "max_qp_violation": (
-        "t",
-        lambda x: np.concatenate(
-            [q.violation[np.isfinite(q.violation)] for q in _qps(x)] or [[]]
-        ),
-    ),
+    "min_sole_distance_m": (("foot_poses",), _sole_distance),
+    "min_edge_distances_m": (("ground",), _edge_distances),
+    "qp_failures": (("t",), _qp_failures),
+    "qp_fallbacks": (("t",), _qp_fallbacks),
+    "max_qp_violation": (("t",), _qp_violations),
 }

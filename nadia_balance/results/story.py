@@ -2,13 +2,27 @@
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 
-import nadia_balance.results.log as logs
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Mode, Phase
-from nadia_balance.results.log import Log, pushes, signal, support_side
+from nadia_balance.results.log import (
+    Log,
+    PhaseSpan,
+    PushSpan,
+    Step,
+    mode_spans,
+    phase_spans,
+    push_direction,
+    pushes,
+    signal_view,
+    steps,
+    support_side,
+    velocity_commands,
+    walking_at,
+)
 from nadia_balance.results.measurements import (
     SETTLED,
     CalmSteps,
@@ -16,7 +30,7 @@ from nadia_balance.results.measurements import (
     is_square,
     recovered_at,
 )
-from nadia_balance.systems.signals import PHASES, WalkingSignal
+from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
@@ -25,28 +39,44 @@ TOLD_COMMANDS = 12
 _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
-def telling_lines(log: Log, summary: dict) -> list[str]:
-    """Returns the story as lines for a terminal."""
+def telling_lines(log: Log, summary: dict[str, Any]) -> list[str]:
+    """Returns the story as lines for a terminal.
+
+    Args:
+        log: log of a run.
+        summary: summary of the run.
+
+    Returns:
+        Lines that begin with the time.
+    """
     return [f"t={time:.2f} s  {text}" for time, text in telling(log, summary)]
 
 
-def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
-    """Returns times [s] and lines of pushes, changed steps and the result.
+def telling(log: Log, summary: dict[str, Any]) -> list[tuple[float, str]]:
+    """Returns the story: pushes, changed steps and the result.
 
-    So are the changes of the velocity command, and when a robot that stood has
-    to step, and stands again.
+    It also has the changes of the velocity command, and when a robot that
+    stood has to step, and stands again.
+
+    Args:
+        log: log of a run.
+        summary: summary of the run.
+
+    Returns:
+        Times [s] and lines, in order; the last one is the result.
     """
-    told = [(push.start, _tell_push(log, push)) for push in pushes(log)]
-    told += _tell_steps(log)
-    told.sort(key=lambda entry: entry[0])
+    events = [(push.start, _tell_push(log, push)) for push in pushes(log)]
+    events += _tell_steps(log)
     end = _end_time(log, summary)
-    if summary["fell_at"] is None and told:
-        end = max(end, told[-1][0])
+    if summary["fell_at"] is None:
+        end = max([end, *(time for time, _ in events)])
     outcome = _tell_outcome(log, summary, end)
-    told += [*tell_commands(log), *_tell_modes(log)]
-    told.sort(key=lambda entry: entry[0])
-    if summary["fell_at"] is None and told:
-        end = max(end, told[-1][0])  # the result is the last line
+    story = sorted(
+        [*events, *tell_commands(log), *_tell_modes(log)],
+        key=lambda event: event[0],
+    )
+    if summary["fell_at"] is None and story:
+        end = max(end, story[-1][0])  # the result is the last line
     figures = _figures(
         summary,
         ("max ICP error {:.3f} m", "max_icp_error_m", 1.0),
@@ -54,22 +84,40 @@ def telling(log: Log, summary: dict) -> list[tuple[float, str]]:
         ("QP violation {:.0e}", "max_qp_violation", 1.0),
         ("real-time factor {:.1f}", "real_time_factor", 1.0),
     )
-    line = "   ".join([outcome, *figures])
-    return [*told, (end, line.replace("e-0", "e-"))]
+    result = "   ".join([outcome, *figures]).replace("e-0", "e-")
+    return [*story, (end, result)]
 
 
-def chapter_words(summary: dict) -> str:
-    """Returns the line of a chapter of a longer run."""
-    error = "{:.3f} m of ICP error", "max_icp_error_m", 1.0
-    torque = "{:.0f} % of torque", "max_torque_ratio", 100.0
-    failures = "{:.0f} QP failures", "qp_failures", 1.0
-    return f"walks on: {', '.join(_figures(summary, error, torque, failures))}"
+def chapter_words(summary: dict[str, Any]) -> str:
+    """Returns the line of a chapter of a longer run.
+
+    Args:
+        summary: summary of the chapter.
+
+    Returns:
+        Such as `walks on: 0.020 m of ICP error, 60 % of torque`.
+    """
+    figures = _figures(
+        summary,
+        ("{:.3f} m of ICP error", "max_icp_error_m", 1.0),
+        ("{:.0f} % of torque", "max_torque_ratio", 100.0),
+        ("{:.0f} QP failures", "qp_failures", 1.0),
+    )
+    return f"walks on: {', '.join(figures)}"
 
 
-def _figures(summary: dict, *texts: tuple[str, str, float]) -> list[str]:
-    """Texts with known entries of the `summary`, by their names, scaled."""
-    known = [(t, summary[n], k) for t, n, k in texts if summary[n] is not None]
-    return [text.format(scale * value) for text, value, scale in known]
+def _figures(
+    summary: dict[str, Any], *texts: tuple[str, str, float]
+) -> list[str]:
+    """Texts with the entries of the `summary`, by their names, scaled.
+
+    Without those that are None.
+    """
+    return [
+        text.format(scale * summary[name])
+        for text, name, scale in texts
+        if summary[name] is not None
+    ]
 
 
 class LiveStory:
@@ -79,9 +127,11 @@ class LiveStory:
     """
 
     def __init__(self, calm_steps: int):
-        """A recovery is `calm_steps` full steps of small ICP error.
+        """Begins without a push.
 
-        Or it is to stand for SETTLED, with square feet (see StandsWatch).
+        Args:
+            calm_steps: full steps of small ICP error that are a recovery; it
+                is also one to stand for SETTLED, feet square (see StandsWatch).
         """
         self._required = calm_steps
         self.last_push = self.result = ""
@@ -90,59 +140,106 @@ class LiveStory:
         self._pushed_after: int | None = None
         self._calm, self._stands = CalmSteps(), StandsWatch()
 
-    def look(self, time: float, walking, push, error: float) -> list[str]:
-        """Returns lines on what is new at `time` [s]; `error` [m]: ICP's.
+    def look(
+        self,
+        time: float,
+        walking: WalkingSignal,
+        push: PushSignal,
+        error: float,
+    ) -> list[str]:
+        """Returns what is new.
 
-        `walking` and `push` are the WalkingSignal and the PushSignal.
+        Args:
+            time: now [s].
+            walking: walking signal now.
+            push: push signal now.
+            error: ICP error [m].
+
+        Returns:
+            Lines on a push that has begun, and on a recovery.
         """
-        taken, told = int(walking.steps_taken), []
+        taken, news = int(walking.steps_taken), []
         if push.number not in (0.0, self._number):
-            newtons = float(np.linalg.norm(push.force))
-            what = push_words(walking, push.force, push.delta_v)
-            self.last_push = f"{what}  F = {newtons:.0f} N"
+            self.last_push = (
+                f"{push_words(walking, push.force, push.delta_v)}  "
+                f"F = {np.linalg.norm(push.force):.0f} N"
+            )
             self._pushed_after, self.result = taken, "pushed"
-            told.append(self.last_push)
+            news.append(self.last_push)
         self._number = float(push.number)
         pushed = push.number > 0.0
-        calm = self._calm.look(time, taken, error, pushed)
+        calm = self._calm.look(taken, error, pushed)
         stood = self._stands.look(time, walking, error, pushed)
         if self._pushed_after is None:
-            return told
+            return news
         if stood >= SETTLED:
             count = taken
         elif calm >= self._required:
             count = self._calm.taken
         else:
-            return told
+            return news
         self.result = recovery_words(count - self._pushed_after)
         self._pushed_after = None
-        return [*told, self.result]
+        return [*news, self.result]
 
     def fell(self, reason: str) -> str:
-        """Records a fall and returns the line that reports it."""
+        """Records a fall.
+
+        Args:
+            reason: why, in words.
+
+        Returns:
+            The line that reports it.
+        """
         self._pushed_after, self.result = None, f"FELL: {reason}"
         return self.result
 
 
 def moment_words(walking: WalkingSignal) -> str:
-    """The point of the gait in the syntax of --at: `right swing 25 %`."""
+    """Returns the point of the gait in the syntax of --at.
+
+    Args:
+        walking: walking signal in one row.
+
+    Returns:
+        Such as `right swing 25 %`, or `standing`.
+    """
     phase = PHASES[int(walking.phase)]
     if phase is Phase.STANDING:
         return "standing"
+    side = support_side(walking).other.value
     share = walking.time_in_phase / walking.duration
-    swing = support_side(walking).other
-    return f"{swing.value} {phase.value} {100.0 * share:.0f} %"
+    return f"{side} {phase.value} {100.0 * share:.0f} %"
 
 
-def push_words(walking, force: Array, delta_v: float) -> str:
-    """Describes a push, as it begins: size, direction, point of the gait."""
-    told = f"push {delta_v:.2f} m/s {direction_words(walking, force)}"
-    return told if walking is None else f"{told}, {moment_words(walking)}"
+def push_words(
+    walking: WalkingSignal | None, force: Array, delta_v: float
+) -> str:
+    """Describes a push, as it begins: size, direction, point of the gait.
+
+    Args:
+        walking: walking signal then, if logged.
+        force: force (3,) in W [N].
+        delta_v: size of the push [m/s].
+
+    Returns:
+        Such as `push 0.60 m/s outward, left swing 25 %`.
+    """
+    words = f"push {delta_v:.2f} m/s {direction_words(walking, force)}"
+    return words if walking is None else f"{words}, {moment_words(walking)}"
 
 
 def direction_words(walking: WalkingSignal | None, force: Array) -> str:
-    """The direction of a force (3,) in the support foot's frame, or in W."""
-    angle = logs.push_direction(walking, force)
+    """Describes the direction of a force in the support foot's frame, or in W.
+
+    Args:
+        walking: walking signal then, if logged.
+        force: force (3,) in W [N].
+
+    Returns:
+        Such as `forward`, in a swing also `inward`, or `at 30 deg`.
+    """
+    angle = push_direction(walking, force)
     words = {"forward": 0.0, "backward": 180.0, "left": 90.0, "right": -90.0}
     if walking is not None and PHASES[int(walking.phase)] is Phase.SWING:
         inward = 90.0 * support_side(walking).sign
@@ -153,71 +250,104 @@ def direction_words(walking: WalkingSignal | None, force: Array) -> str:
     return f"at {(angle + 180.0) % 360.0 - 180.0:.0f} deg"
 
 
-def move_words(step: logs.Step) -> str:
-    """Describes the shift of a foothold in the commanded one's frame."""
+def move_words(step: Step) -> str:
+    """Describes the shift of a foothold in the commanded one's frame.
+
+    Args:
+        step: a step that has landed.
+
+    Returns:
+        Such as `forward 0.12 m and out 0.20 m`; "" for less than TOLD_MOVE.
+    """
     forward, left = step.commanded.rotation.T @ step.adjustment
     out, parts = left * step.side.sign, []
     if abs(forward) > TOLD_MOVE:
-        word = "forward" if forward > 0 else "back"
-        parts.append(f"{word} {abs(forward):.2f} m")
+        parts.append(
+            f"{'forward' if forward > 0 else 'back'} {abs(forward):.2f} m"
+        )
     if abs(out) > TOLD_MOVE:
         parts.append(f"{'out' if out > 0 else 'in'} {abs(out):.2f} m")
     return " and ".join(parts)
 
 
 def command_words(command: Array) -> str:
-    """Describes a velocity command (3,): `forward 0.30 m/s`, or `to stand`."""
-    words = []
-    for value, ahead, back, unit in zip(
-        command.tolist(),
-        ("forward", "left", "turn left"),
-        ("backward", "right", "turn right"),
-        ("m/s", "m/s", "rad/s"),
-        strict=True,
-    ):
-        if value:
-            words.append(f"{ahead if value > 0.0 else back} {abs(value):.2f}")
-            words[-1] += f" {unit}"
+    """Describes a velocity command.
+
+    Args:
+        command: forward, left [m/s] and turn [rad/s], (3,).
+
+    Returns:
+        Such as `commanded forward 0.30 m/s`, or `commanded to stand`.
+    """
+    words = [
+        f"{positive if value > 0.0 else negative} {abs(value):.2f} {unit}"
+        for value, positive, negative, unit in zip(
+            command.tolist(),
+            ("forward", "left", "turn left"),
+            ("backward", "right", "turn right"),
+            ("m/s", "m/s", "rad/s"),
+            strict=True,
+        )
+        if value
+    ]
     return f"commanded {', '.join(words) or 'to stand'}"
 
 
 def recovery_words(count: int) -> str:
-    """Describes a recovery that took `count` steps."""
-    plural = "" if count == 1 else "s"
-    how = f"in {count} step{plural}" if count else "without a step"
-    return f"RECOVERED {how}"
+    """Describes a recovery.
+
+    Args:
+        count: number of its steps.
+
+    Returns:
+        Such as `RECOVERED in 2 steps`, or `RECOVERED without a step`.
+    """
+    if not count:
+        return "RECOVERED without a step"
+    return f"RECOVERED in {count} step{'' if count == 1 else 's'}"
 
 
-def _tell_push(log: Log, push: logs.PushSpan) -> str:
-    walking = logs.walking_at(log, push.first)
-    what = push_words(walking, push.force, push.delta_v)
+def _tell_push(log: Log, push: PushSpan) -> str:
+    words = push_words(walking_at(log, push.first), push.force, push.delta_v)
     newtons = float(np.linalg.norm(push.force))
-    sizes = np.linalg.norm(signal(log, "push_signal", push.rows).force, axis=0)
-    sign = "=" if np.min(sizes) > 0.999 * newtons else "<="
-    seconds = push.end - push.start
-    return f"{what:<44}  F {sign} {newtons:.0f} N for {seconds:.2f} s"
+    force = signal_view(log, "push_signal", push.rows).force
+    least = np.min(np.linalg.norm(force, axis=0))
+    sign = "=" if least > 0.999 * newtons else "<="
+    return (
+        f"{words:<44}  F {sign} {newtons:.0f} N "
+        f"for {push.end - push.start:.2f} s"
+    )
 
 
 def _tell_steps(log: Log) -> list[tuple[float, str]]:
     """Times and lines of steps whose foothold or durations were changed."""
-    pushed = pushes(log)
-    begin = pushed[0].start if pushed else -math.inf
-    later = [step for step in logs.steps(log) if step.swing.end > begin]
-    told = []
+    begin = min((push.start for push in pushes(log)), default=-math.inf)
+    later = [step for step in steps(log) if step.swing.end > begin]
+    lines = []
     for number, step in enumerate(later, start=1):
         changes = [move_words(step)]
         if step.transfer is not None and step.transfer.end > begin:
             changes.append(_tell_time("transfer", step.transfer))
         changes.append(_tell_time("swing", step.swing))
-        if text := ", ".join(filter(None, changes)):
-            which = f"{_ORDINALS.get(number, f'{number}th')} step"
-            told.append((step.swing.end, f"{which} ({step.side.value}) {text}"))
-    return told
+        text = ", ".join(filter(None, changes))
+        if text:
+            ordinal = _ORDINALS.get(number, f"{number}th")
+            lines.append(
+                (step.swing.end, f"{ordinal} step ({step.side.value}) {text}")
+            )
+    return lines
 
 
 def tell_commands(log: Log) -> list[tuple[float, str]]:
-    """Returns times [s] and lines of the commands; none if they are many."""
-    changes = logs.velocity_commands(log)
+    """Returns the changes of the velocity command.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        Times [s] and lines; none if they are more than TOLD_COMMANDS.
+    """
+    changes = velocity_commands(log)
     if len(changes) > TOLD_COMMANDS:
         return []
     return [(time, command_words(command)) for time, command in changes]
@@ -228,32 +358,34 @@ def _tell_modes(log: Log) -> list[tuple[float, str]]:
 
     One that has come to the end of its gait has not stood before.
     """
-    told, modes, phases = [], logs.mode_spans(log), logs.phase_spans(log)
-    for before, span in itertools.pairwise(modes):
-        changes = before.mode, span.mode
-        if changes == (Mode.STANDING, Mode.RECOVERING):
-            told.append((span.start, "steps, to recover"))
+    modes = mode_spans(log)
+    lines = [
+        (after.start, "steps, to recover")
+        for before, after in itertools.pairwise(modes)
+        if (before.mode, after.mode) == (Mode.STANDING, Mode.RECOVERING)
+    ]
     taken = math.inf  # steps, when it last stood
     if modes and modes[0].mode is Mode.STANDING:
-        taken = signal(log, "walking_signal", 0).steps_taken
-    for span in phases:
-        walking = signal(log, "walking_signal", span.first)
+        taken = signal_view(log, "walking_signal", 0).steps_taken
+    for span in phase_spans(log):
+        walking = signal_view(log, "walking_signal", span.first)
         if span.phase is not Phase.STANDING or not span.first:
             continue
-        square = "ground" in log or is_square(walking)
-        if square and walking.steps_taken > taken:
-            told.append((span.start, "stands"))
+        if walking.steps_taken > taken and (
+            "ground" in log or is_square(walking)
+        ):
+            lines.append((span.start, "stands"))
         taken = walking.steps_taken
-    return told
+    return lines
 
 
-def _tell_time(name: str, span: logs.PhaseSpan) -> str:
+def _tell_time(name: str, span: PhaseSpan) -> str:
     if abs(span.duration - span.planned) < TOLD_TIME:
         return ""
     return f"{name} {span.planned:.2f} -> {span.duration:.2f} s"
 
 
-def _end_time(log: Log, summary: dict) -> float:
+def _end_time(log: Log, summary: dict[str, Any]) -> float:
     """The time [s] of the fall, of the recovery, or of the end of the run."""
     if summary["fell_at"] is not None:
         return float(summary["fell_at"])
@@ -263,19 +395,19 @@ def _end_time(log: Log, summary: dict) -> float:
     return recovered_at(log, pushed[-1])
 
 
-def _tell_outcome(log: Log, summary: dict, end: float) -> str:
+def _tell_outcome(log: Log, summary: dict[str, Any], end: float) -> str:
     pushed, reason = pushes(log), summary["reason"]
     if summary["outcome"] == "undecided":
         return f"UNDECIDED: {reason}"
     if not summary["recovered"]:
-        verb, _, why = reason.partition(": ")
-        return f"{verb.upper()}: {why}" if why else verb.upper()
-    count = summary["steps_taken"]
-    if "icp" not in log:
-        told = f"WALKED {count} steps" if count else "STOOD"
-        return f"{told}, upright" + ", after the push" * bool(pushed)
-    if pushed:
-        taken = signal(log, "walking_signal").steps_taken
+        verb, colon, cause = reason.partition(": ")
+        return f"{verb.upper()}{colon}{cause}"
+    if pushed and "icp" in log:
+        taken = signal_view(log, "walking_signal").steps_taken
         row = min(np.searchsorted(log["t"], end), len(taken) - 1)
         return recovery_words(int(taken[row] - taken[pushed[-1].first]))
-    return f"WALKED {count} steps" if count else "STOOD"
+    count = summary["steps_taken"]
+    words = f"WALKED {count} steps" if count else "STOOD"
+    if "icp" in log:
+        return words
+    return f"{words}, upright" + ", after the push" * bool(pushed)

@@ -6,14 +6,26 @@ from typing import Any
 
 import numpy as np
 
-import nadia_balance.results.log as logs
-from nadia_balance.results import measurements as measured
-from nadia_balance.results.log import Log, icp_error, pushes, signal
+from nadia_balance.results.estimation import lost_at
+from nadia_balance.results.log import (
+    Log,
+    icp_error,
+    landings,
+    pushes,
+    signal_view,
+)
 from nadia_balance.results.measurements import (
     ICP_BACK,
     SETTLED,
     STANDS,
+    calm_steps,
+    joint_speed_ratio,
     largest,
+    measure,
+    recovery_time,
+    stands_square,
+    torque_ratio,
+    trunk_tilts,
 )
 from nadia_balance.results.versions import versions
 from nadia_balance.systems.whole_body import GIVES_UP_AFTER
@@ -23,7 +35,7 @@ PATIENCE_TIME = 5.0  # for a robot that stands to settle after a push [s]
 STEADY = 2.0  # time of steps at the end, to walk on without an ICP [s]
 EFFORT_MARGIN = 1e-6  # rounding tolerated above a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot tolerated above a joint's speed limit [-]
-ROUNDING = 1e-6  # of times [s]
+_TICK_ROUNDING = 1e-6  # of times [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,21 +82,23 @@ class Run:
         explains an outcome other than recovered.
         """
         outcome, reason = _judge(self)
-        recovered, log, info = outcome == "recovered", self.logs, self.info
-        measurements = measured.measure(log)
+        recovered = outcome == "recovered"
+        measurements = measure(self.logs)
         duration = measurements["duration_s"] or 0.0  # None without rows
-        recovery_time = measured.recovery_time(log) if recovered else None
-        criteria = "calm_steps", "max_torso_tilt_deg"
         summary = {
             "outcome": outcome,
             "recovered": recovered,
             "reason": reason,
             "fell_at": self.fell_at,
-            **{n: v for n, v in vars(info).items() if n not in criteria},
+            **{
+                name: value
+                for name, value in vars(self.info).items()
+                if name not in ("calm_steps", "max_torso_tilt_deg")
+            },
             **measurements,
             "duration_s": duration,
-            "recovery_time_s": recovery_time,
-            "required_calm_steps": info.calm_steps,
+            "recovery_time_s": recovery_time(self.logs) if recovered else None,
+            "required_calm_steps": self.info.calm_steps,
             "missed_pushes": self.missed_pushes,
             "improper_contacts": list(self.improper_contacts),
             "self_contacts": [
@@ -93,45 +107,57 @@ class Run:
                 if not pair.endswith(" - ground") and "::" not in pair
             ],
             "real_time_factor": duration / max(self.cpu_time, 1e-9),
-            "versions": versions(info.engine),
+            "versions": versions(self.info.engine),
         }
-        for name, value in summary.items():
-            if isinstance(value, float) and not math.isfinite(value):
-                summary[name] = None  # JSON has neither NaN nor infinity
-        return summary
+        # JSON has neither NaN nor infinity.
+        return {
+            name: value
+            if not isinstance(value, float) or math.isfinite(value)
+            else None
+            for name, value in summary.items()
+        }
 
 
 def _judge(run: Run) -> tuple[str, str]:
     """The outcome, and the reason of one other than recovered."""
-    if reason := failure(run):
-        return "failed", reason
-    if reason := _doubt(run):
-        return "undecided", reason
-    if not (reason := _shortfall(run)):
+    for outcome, judge in ("failed", failure), ("undecided", _doubt):
+        reason = judge(run)
+        if reason:
+            return outcome, reason
+    shortfall = _shortfall(run)
+    if not shortfall:
         return "recovered", ""
     if _had_time(run):
-        return "failed", reason
-    return "undecided", f"too short: {reason}"
+        return "failed", shortfall
+    return "undecided", f"too short: {shortfall}"
 
 
 def failure(run: Run) -> str:
-    """The first failure that is found; empty if there is none."""
+    """Returns the first failure of a run.
+
+    Args:
+        run: a run, at its end or before.
+
+    Returns:
+        The reason in words; "" if there is no failure.
+    """
     log = run.logs
     if run.error:
         return f"stopped: {run.error}"
-    if (lost := measured.lost_at(log)) is not None:
+    lost = lost_at(log)
+    if lost is not None:
         return f"estimator lost: at {lost:.2f} s"
     gave_up = "the controller gave up" if _gave_up(log) else ""
     if run.fell_at is not None:
-        why = ", ".join(filter(None, (run.fall_reason, gave_up)))
-        return f"fell: {why}" if why else "fell"
+        causes = ", ".join(filter(None, (run.fall_reason, gave_up)))
+        return f"fell: {causes}" if causes else "fell"
     if run.interrupted or len(log["t"]) == 0:
         return "interrupted"
     if gave_up:
         return gave_up
     if run.improper_contacts:
         return f"contact of {', '.join(run.improper_contacts)}"
-    tilt = largest(measured.trunk_tilts(log)[0])
+    tilt = largest(trunk_tilts(log)[0])
     if tilt is not None and tilt > run.info.max_torso_tilt_deg:
         return f"tilted: the torso by {tilt:.0f} deg"
     return _overload(log)
@@ -143,7 +169,8 @@ def _doubt(run: Run) -> str:
     if run.missed_pushes:
         return "not pushed: the push did not come before the end"
     for push in pushes(log)[-1:]:
-        if (left := log["t"][-1] - push.end) < SETTLED - ROUNDING:
+        left = log["t"][-1] - push.end
+        if left < SETTLED - _TICK_ROUNDING:
             return f"too short: the run ended {left:.2f} s after the push"
     return ""
 
@@ -153,25 +180,24 @@ def _shortfall(run: Run) -> str:
     log, required = run.logs, run.info.calm_steps
     if "icp" not in log:
         return _policy_shortfall(log)
-    if required and measured.calm_steps(log) >= required:
+    if required and calm_steps(log) >= required:
         return ""
     shortfall = f"the ICP error did not stay below {ICP_BACK} m"
-    stands = signal(log, "walking_signal", -1).phase == STANDS
+    stands = signal_view(log, "walking_signal", -1).phase == STANDS
     if required and not stands:
         return f"{shortfall} for {required} whole steps"
-    settled = log["t"] >= log["t"][-1] - SETTLED
-    if not np.all(icp_error(log)[settled] < ICP_BACK):
+    late = log["t"] >= log["t"][-1] - SETTLED
+    if not np.all(icp_error(log)[late] < ICP_BACK):
         return shortfall
-    if stands and not measured.stands_square(log):
+    if stands and not stands_square(log):
         return "it stands, but its feet are not side by side"
     return ""
 
 
 def _policy_shortfall(log: Log) -> str:
     """The criterion without an ICP: it steps, if it is told to."""
-    moves = log.get("velocity_command", np.zeros((1, 3)))[-1].any()
-    late = sum(time > log["t"][-1] - STEADY for time in logs.landings(log))
-    if late > 1 or not moves:
+    late = sum(time > log["t"][-1] - STEADY for time in landings(log))
+    if late > 1 or not log.get("velocity_command", np.zeros((1, 3)))[-1].any():
         return ""
     return f"it did not step in the last {STEADY:g} s"
 
@@ -183,21 +209,20 @@ def _had_time(run: Run) -> bool:
     does not walk, and had PATIENCE_TIME.
     """
     log = run.logs
-    last = pushes(log)[-1:]
-    begin = last[0].end if last else 0.0
+    begin = max((push.end for push in pushes(log)[-1:]), default=0.0)
     left = log["t"][-1] - begin
     if "icp" not in log:
         return bool(left >= STEADY)
-    taken = sum(time > begin for time in logs.landings(log))
-    walks = signal(log, "walking_signal", -1).phase != STANDS
-    return taken >= PATIENCE or bool(not walks and left >= PATIENCE_TIME)
+    stands = bool(signal_view(log, "walking_signal", -1).phase == STANDS)
+    taken = sum(time > begin for time in landings(log))
+    return taken >= PATIENCE or bool(stands and left >= PATIENCE_TIME)
 
 
 def _overload(log: Log) -> str:
     """The joint limit that was exceeded; empty if none was."""
-    if not np.all(measured.torque_ratio(log) <= 1.0 + EFFORT_MARGIN):
+    if not np.all(torque_ratio(log) <= 1.0 + EFFORT_MARGIN):
         return "a torque was above its limit"
-    speeds = measured.joint_speed_ratio(log)
+    speeds = joint_speed_ratio(log)
     if not np.all(speeds <= 1.0 + SPEED_MARGIN):
         return f"too fast: a joint at {100.0 * speeds.max():.1f} % of its limit"
     return ""
@@ -207,6 +232,6 @@ def _gave_up(log: Log) -> bool:
     """True if the whole-body QP failed throughout the last GIVES_UP_AFTER."""
     if "whole_body_qp_status" not in log:
         return False
-    t, solved = log["t"], signal(log, "whole_body_qp_status").solved > 0.5
-    late = t > t[-1:] - GIVES_UP_AFTER - ROUNDING
+    t, solved = log["t"], signal_view(log, "whole_body_qp_status").solved > 0.5
+    late = t > t[-1:] - GIVES_UP_AFTER - _TICK_ROUNDING
     return not np.all(late) and not np.any(solved[late])

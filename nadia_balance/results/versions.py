@@ -9,7 +9,6 @@ from pathlib import Path
 import nadia_balance
 
 CHECKOUT = Path(nadia_balance.__file__).resolve().parents[1]
-CODE = ("nadia_balance", "diagrams", "models", "scripts")  # in a checkout
 
 
 def versions(engine: str = "drake") -> dict[str, str]:
@@ -22,11 +21,13 @@ def versions(engine: str = "drake") -> dict[str, str]:
         A version by name, "not installed" if there is none; in a checkout
         with git, `commit` is the present one (see commit_of).
     """
-    packages = ["nadia_balance", "drake", "daqp", "numpy", engine]
     commit = commit_of()
     return {
         "python": platform.python_version(),
-        **{package: _version(package) for package in packages},
+        **{
+            package: _version(package)
+            for package in ("nadia_balance", "drake", "daqp", "numpy", engine)
+        },
         **({"commit": commit} if commit else {}),
     }
 
@@ -56,22 +57,30 @@ def commit_of(checkout: Path = CHECKOUT) -> str:
         if _git(checkout, "rev-parse", "--show-toplevel") != str(checkout):
             return ""
         head = _git(checkout, "rev-parse", "--short=10", "HEAD")
-        changes = _git(checkout, "diff", "HEAD", "--", *CODE)
+        changes = _git(
+            checkout,
+            "diff",
+            "HEAD",
+            "--",
+            "nadia_balance",
+            "diagrams",
+            "models",
+            "scripts",
+        )
         if not changes:
             return head
-        of_changes = _git(checkout, "hash-object", "--stdin", text=changes)
-        return f"{head}+{of_changes[:10]}"
+        digest = _git(checkout, "hash-object", "--stdin", text=changes)
+        return f"{head}+{digest[:10]}"
     except (OSError, subprocess.CalledProcessError):
         return ""
 
 
 def _git(folder: Path, *arguments: str, text: str = "") -> str:
-    done = subprocess.run(
+    return subprocess.run(
         ["git", "-C", str(folder), *arguments],
         input=text,
         capture_output=True,
         check=True,
         encoding="utf-8",
         errors="replace",
-    )
-    return done.stdout.strip()
+    ).stdout.strip()

@@ -22,7 +22,7 @@ from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.plots.time_series import FAINT, RC, TEXT
+from nadia_balance.results.plots.style import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
 from nadia_balance.sweep.limits import LIMITS, OTHERS, WORST, LimitTable, Record
 from nadia_balance.sweep.trials import DIGITS, OUTCOMES, Rows, with_digits

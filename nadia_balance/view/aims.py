@@ -1,6 +1,7 @@
 """Arrows of what the user is about to do: the push, and the commanded way."""
 
 import math
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone
@@ -16,7 +17,7 @@ COMMAND = f"{ROOT}/command"
 METRES = 0.6  # length of the push's shaft, per [m/s] of the push [s]
 _GAP, _TIP = 0.2, 0.14  # from the CoM to the tip, length of the tip [m]
 AHEAD = 0.45  # from the CoM to where the commanded way begins [m]
-SHOWN = 1.5  # of the commanded way [s]
+HORIZON = 1.5  # of the commanded way [s]
 _POINTS = 12  # of the commanded way
 _WIDTH, _HEAD = 0.03, 0.07  # half widths of its band and of its tip [m]
 _ABOVE = 0.009  # above the ground and all that is drawn there [m]
@@ -29,28 +30,34 @@ class Aims:
     """
 
     def __init__(self, meshcat: Meshcat):
-        """Adds the arrow of the push, hidden."""
+        """Adds the arrow of the push, hidden.
+
+        Args:
+            meshcat: where it is drawn.
+        """
         self._meshcat = meshcat
         self._delta_v = 0.0  # of the push that is drawn [m/s]
         self._command: Array | None = None  # that is drawn
-        color = palette.rgba(palette.PUSH, 0.4)
         for part, shape in (
             ("shaft", Cylinder(0.012, 1.0)),
             ("tip", MeshcatCone(_TIP, 0.04, 0.04)),
         ):
             path = f"{PUSH}/{part}"
-            meshcat.SetObject(path, shape, color)
+            meshcat.SetObject(path, shape, palette.rgba(palette.PUSH, 0.4))
             # It is seen through the robot.
-            seen = f"{path}/<object>"
-            meshcat.SetProperty(seen, "material.depthTest", False)
-            meshcat.SetProperty(seen, "renderOrder", 1.0)
+            meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
+            meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
         # A cone opens along z from its tip; the arrow's tip points along z.
-        over = RotationMatrix.MakeXRotation(math.pi)
-        tip = RigidTransform(over, [0.0, 0.0, -_GAP])
-        meshcat.SetTransform(f"{PUSH}/tip", tip)
+        p_tip: Any = [0.0, 0.0, -_GAP]
+        meshcat.SetTransform(
+            f"{PUSH}/tip",
+            RigidTransform(RotationMatrix.MakeXRotation(math.pi), p_tip),
+        )
         meshcat.SetProperty(PUSH, "visible", False)
 
-    def draw_push(self, com: Array, yaw: float, delta_v: float) -> None:
+    def draw_push(
+        self, com: np.ndarray[Any, Any], yaw: float, delta_v: float
+    ) -> None:
         """Draws the arrow of a push; none if it is of 0 m/s.
 
         Args:
@@ -62,13 +69,12 @@ class Aims:
             self._delta_v = delta_v
             self._meshcat.SetProperty(PUSH, "visible", delta_v > 0.0)
             length = max(METRES * delta_v, 1e-3)
-            shaft = np.diag([1.0, 1.0, length, 1.0])
+            shaft: Any = np.asfortranarray(np.diag([1.0, 1.0, length, 1.0]))
             shaft[2, 3] = -_GAP - _TIP - 0.5 * length
-            path = f"{PUSH}/shaft"
-            self._meshcat.SetTransform(path, np.asfortranarray(shaft))
-        along = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        R = RotationMatrix.MakeFromOneVector(along, 2)
-        self._meshcat.SetTransform(PUSH, RigidTransform(R, com))
+            self._meshcat.SetTransform(f"{PUSH}/shaft", shaft)
+        direction: Any = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        R_WP = RotationMatrix.MakeFromOneVector(direction, 2)
+        self._meshcat.SetTransform(PUSH, RigidTransform(R_WP, com))
 
     def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
         """Draws the commanded way on the ground; none if it is to stand.
@@ -82,59 +88,80 @@ class Aims:
             self._command = np.array(command)
             self._meshcat.Delete(COMMAND)
             if np.any(command):
-                self._add_way(commanded_way(command))
+                self._add_band(commanded_way(command))
         if np.any(command):
             height = max(float(feet[side].p_WF[2]) for side in Side)
+            p_W: Any = np.array([com[0], com[1], height + _ABOVE])
             R = RotationMatrix.MakeZRotation(heading(feet))
-            p_W = np.array([com[0], com[1], height + _ABOVE])
             self._meshcat.SetTransform(COMMAND, RigidTransform(R, p_W))
 
-    def _add_way(self, way: Array) -> None:
+    def _add_band(self, points: Array) -> None:
         """Adds a band along the points (n, 2) [m], with a tip at its end."""
-        edges = np.gradient(way, axis=0)
+        edges = np.gradient(points, axis=0)
         edges /= np.linalg.norm(edges, axis=1, keepdims=True)
         normal = edges[:, ::-1] * [-1.0, 1.0]  # to the left
-        end, along, left = way[-1], edges[-1], normal[-1]
+        end, along, left = points[-1], edges[-1], normal[-1]
         corners = np.concatenate(
             [
-                way + _WIDTH * normal,
-                way - _WIDTH * normal,
+                points + _WIDTH * normal,
+                points - _WIDTH * normal,
                 [end + _HEAD * left, end - _HEAD * left],
                 [end + 2.0 * _HEAD * along],
             ]
         )
-        n = len(way)
+        n = len(points)
         i = np.arange(n - 1)
-        band = np.hstack([[i, i + n, i + n + 1], [i, i + n + 1, i + 1]])
-        tip = [[2 * n], [2 * n + 1], [2 * n + 2]]
-        triangles = np.hstack([band, tip]).astype(np.int32)
-        vertices = np.vstack([corners.T, np.zeros(len(corners))])
-        color = palette.rgba(palette.COMMAND, 0.8)
-        self._meshcat.SetTriangleMesh(COMMAND, vertices, triangles, color)
+        triangles: Any = np.hstack(
+            [
+                [i, i + n, i + n + 1],
+                [i, i + n + 1, i + 1],
+                [[2 * n], [2 * n + 1], [2 * n + 2]],  # the tip
+            ]
+        ).astype(np.int32)
+        vertices: Any = np.vstack([corners.T, np.zeros(len(corners))])
+        self._meshcat.SetTriangleMesh(
+            COMMAND, vertices, triangles, palette.rgba(palette.COMMAND, 0.8)
+        )
 
 
 def heading(feet: FootPoses) -> float:
-    """The mean yaw [rad] of both soles."""
+    """Returns the heading of the robot: the mean yaw of both soles.
+
+    Args:
+        feet: poses of the soles in W.
+
+    Returns:
+        The angle [rad].
+    """
     turn = math.remainder(feet.right.yaw - feet.left.yaw, math.tau)
     return feet.left.yaw + 0.5 * turn
 
 
 def commanded_way(command: Array) -> Array:
-    """Returns the way (n, 2) [m] of a point ahead in the next SHOWN seconds.
+    """Returns the way of a point ahead of the robot in the time HORIZON.
 
-    In the robot's frame now, whose origin moves by the `command` (3,): forward,
-    left [m/s] and turn w [rad/s].  The point is at p = (AHEAD, 0) of the frame:
+    In the robot's frame now, whose origin moves by the command v, w.  The point
+    is at p = (AHEAD, 0) of the frame:
 
         x(t) = R(w t) p + integral of R(w s) v from 0 to t
+
+    Args:
+        command: forward, left [m/s] and turn [rad/s], (3,).
+
+    Returns:
+        Points (n, 2) [m].
     """
     forward, left, turn = np.asarray(command, dtype=float).tolist()
-    times = np.linspace(0.0, SHOWN, _POINTS)
+    times = np.linspace(0.0, HORIZON, _POINTS)
     angles = turn * times
     if abs(turn) > 1e-9:
         along = np.sin(angles) / turn
         across = (1.0 - np.cos(angles)) / turn
     else:
         along, across = times, np.zeros_like(times)
-    x = AHEAD * np.cos(angles) + forward * along - left * across
-    y = AHEAD * np.sin(angles) + forward * across + left * along
-    return np.column_stack([x, y])
+    return np.column_stack(
+        [
+            AHEAD * np.cos(angles) + forward * along - left * across,
+            AHEAD * np.sin(angles) + forward * across + left * along,
+        ]
+    )

@@ -2,20 +2,38 @@
 
 import math
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.reachability import circle
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
-from nadia_balance.core.walking import state as walking
-from nadia_balance.systems.ports import inputs
-from nadia_balance.view import scene
+from nadia_balance.core.walking.state import (
+    FootPose,
+    Phase,
+    Side,
+    WalkingState,
+    support_polygon,
+)
+from nadia_balance.systems.ports import Input
+from nadia_balance.systems.signals import SIGNALS
+from nadia_balance.view.scene import (
+    PERIOD,
+    ChangingPolygon,
+    Drawing,
+    add_arrow,
+    add_marker,
+    add_polygon,
+    at_height,
+    hide_before,
+    sole_transform,
+)
 
 ROOT = "/overlay"
 FOOTPRINTS = f"{ROOT}/footprints"  # .../<side>_<number of the step>
@@ -34,15 +52,20 @@ _MARKERS = {
     "cop": (_DISC, palette.COP),
     "ecmp": (Box(0.046, 0.046, 0.014), palette.ECMP),
 }
+_SUPPORT, _REACH = f"{ROOT}/support_polygon", f"{REGIONS}/reach"
+_CAPTURE = (f"{REGIONS}/c_1", f"{REGIONS}/c_2", f"{REGIONS}/c_3")
 # Polygons that change: colour, and whether it is filled.  Those that are not
 # opaque are painted after the floor.
 _POLYGONS = {
-    f"{ROOT}/support_polygon": (palette.rgba(palette.SUPPORT), False),
-    f"{REGIONS}/reach": (palette.rgba(palette.REACH, 0.99), False),
+    _SUPPORT: (palette.rgba(palette.SUPPORT), False),
+    _REACH: (palette.rgba(palette.REACH, 0.99), False),
+    **{
+        path: (palette.rgba(color, opacity), True)
+        for path, color, opacity in zip(
+            _CAPTURE, palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True
+        )
+    },
 }
-_SHADES = zip(palette.CAPTURE_REGIONS, palette.OPACITIES, strict=True)
-for _i, _look in enumerate(_SHADES, start=1):
-    _POLYGONS[f"{REGIONS}/c_{_i}"] = (palette.rgba(*_look), True)
 # Heights above the ground [m], so that none hides another one.
 _ON_FLOOR, _PRINT, _REGION, _OUTLINE = 0.0005, 0.002, 0.004, 0.006
 
@@ -68,54 +91,96 @@ class BalanceVisualizer(LeafSystem):
     """
 
     def __init__(
-        self, meshcat: Meshcat, sole: np.ndarray, ground: Ground | None = None
+        self, meshcat: Meshcat, sole: Array, ground: Ground | None = None
     ):
-        """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
+        """Adds all objects.
+
+        Args:
+            meshcat: where it draws.
+            sole: corners (n, 2) [m] of a sole in its frame.
+            ground: regions of the ground, if it has any.
+        """
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        points, last = "icp? icp_reference? ecmp_command?", "capture_regions?"
-        names = f"walking_state com_state? {points} push_force? {last}"
-        self._walking_state, self._com, *others = inputs(self, names)
-        *self._on_ground, self._push, self._regions = others
-        self._add_objects(meshcat, ground)
+        self._walking_state = Input(
+            self, "walking_state", SIGNALS["walking_state"]
+        )
+        self._com = Input(self, "com_state", SIGNALS["com_state"], default=None)
+        self._icp = Input(self, "icp", SIGNALS["icp"], default=None)
+        self._icp_reference = Input(
+            self, "icp_reference", SIGNALS["icp_reference"], default=None
+        )
+        self._ecmp_command = Input(
+            self, "ecmp_command", SIGNALS["ecmp_command"], default=None
+        )
+        self._push_force = Input(
+            self, "push_force", SIGNALS["push_force"], default=None
+        )
+        self._regions = Input(
+            self, "capture_regions", SIGNALS["capture_regions"], default=None
+        )
+        self._add_objects()
+        if ground is not None:
+            self._add_ground(ground)
         self.DeclareInitializationPublishEvent(self._forget)
-        draws = {scene.PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}
-        for period, draw in draws.items():
-            self.DeclarePeriodicPublishEvent(period, 0.0, draw)
-            self.DeclareForcedPublishEvent(draw)
+        self.DeclarePeriodicPublishEvent(PERIOD, 0.0, self._draw)
+        self.DeclareForcedPublishEvent(self._draw)
+        self.DeclarePeriodicPublishEvent(
+            REGIONS_PERIOD, 0.0, self._draw_regions
+        )
+        self.DeclareForcedPublishEvent(self._draw_regions)
 
-    def _add_objects(self, meshcat: Meshcat, ground: Ground | None) -> None:
-        def sole(path: str, color: str) -> scene.Drawing:
-            corners = scene.at_height(self._sole, _REGION)
-            shade = palette.rgba(color)
-            return scene.add_polygon(meshcat, path, corners, shade, False, True)
-
-        self._footsteps: dict[walking.Side, list[scene.Drawing]] = {}
-        for side in walking.Side:
-            path, color = f"{ROOT}/footsteps/{side.value}", palette.foot_color
-            steps = (f"{path}_{i}" for i in range(STEPS_PER_SIDE))
-            self._footsteps[side] = [sole(one, color(side)) for one in steps]
+    def _add_objects(self) -> None:
+        self._footsteps = {
+            side: [
+                self._add_outline(
+                    f"{ROOT}/footsteps/{side.value}_{i}",
+                    palette.foot_color(side),
+                )
+                for i in range(STEPS_PER_SIDE)
+            ]
+            for side in Side
+        }
         self._polygons = {
-            path: scene.ChangingPolygon(meshcat, path, color, filled)
+            path: ChangingPolygon(self._meshcat, path, color, filled)
             for path, (color, filled) in _POLYGONS.items()
         }
-        self._nominal = sole(f"{REGIONS}/nominal", palette.NOMINAL)
-        self._region_view = scene.Drawing(meshcat, REGIONS)
+        self._nominal = self._add_outline(f"{REGIONS}/nominal", palette.NOMINAL)
+        self._region_view = Drawing(self._meshcat, REGIONS)
         self._markers = {
-            name: scene.add_marker(meshcat, f"{ROOT}/{name}", *look)
-            for name, look in _MARKERS.items()
+            name: add_marker(self._meshcat, f"{ROOT}/{name}", shape, color)
+            for name, (shape, color) in _MARKERS.items()
         }
-        self._middle = scene.Drawing(meshcat, MIDDLE)
-        self._arrow = scene.add_arrow(meshcat, f"{ROOT}/push", palette.PUSH)
-        for i, region in enumerate(ground.regions if ground else ()):
-            if not region.obstacle:
-                z = region.heights(region.polygon) + _ON_FLOOR
-                corners = np.column_stack([region.polygon, z])
-                what = f"{ROOT}/ground/{i}", corners
-                color = palette.rgba(palette.GROUND, 0.5)
-                scene.add_polygon(meshcat, *what, color).show(True, None)
+        self._middle = Drawing(self._meshcat, MIDDLE)
+        self._arrow = add_arrow(self._meshcat, f"{ROOT}/push", palette.PUSH)
 
-    def _forget(self, context):
+    def _add_outline(self, path: str, color: str) -> Drawing:
+        """Adds the outline of a sole."""
+        return add_polygon(
+            self._meshcat,
+            path,
+            at_height(self._sole, _REGION),
+            palette.rgba(color),
+            filled=False,
+            outlined=True,
+        )
+
+    def _add_ground(self, ground: Ground) -> None:
+        for i, region in enumerate(ground.regions):
+            if not region.obstacle:
+                add_polygon(
+                    self._meshcat,
+                    f"{ROOT}/ground/{i}",
+                    np.column_stack(
+                        [
+                            region.polygon,
+                            region.heights(region.polygon) + _ON_FLOOR,
+                        ]
+                    ),
+                    palette.rgba(palette.GROUND, 0.5),
+                ).show(True, None)
+
+    def _forget(self, context: Context) -> EventStatus:
         """Removes the drawings of the previous run."""
         self._meshcat.Delete(FOOTPRINTS)
         for polygon in self._polygons.values():
@@ -123,94 +188,124 @@ class BalanceVisualizer(LeafSystem):
         self._arrow.show(False, context.get_time())
         return EventStatus.Succeeded()
 
-    def _draw(self, context):
+    def _draw(self, context: Context) -> EventStatus:
         time = context.get_time()
         state = self._walking_state(context)
         schedule = state.schedule
         ground = float(schedule.feet[schedule.support_side].p_WF[2])
         self._draw_feet(state, time)
-        support = walking.support_polygon(schedule, self._sole)
-        outline = self._polygons[f"{ROOT}/support_polygon"]
-        outline.draw(support, ground + _OUTLINE, time)
-        com = self._com(context)
-        icp, reference, command = (port(context) for port in self._on_ground)
-        for name, point in {
-            "com_ground": com and com.position[:2],
-            "icp": icp,
-            "icp_reference": reference and reference.icp,
-            "cop": command and command.cop,
-            "ecmp": command and command.ecmp,
-        }.items():
-            if point is not None:
-                p_W = [*point, ground]
-                self._markers[name].place(RigidTransform(p_W), time)
-        if com is not None:
-            self._draw_com_and_push(context, com.position, time)
-        if schedule.phase is not walking.Phase.SWING:
+        self._polygons[_SUPPORT].draw(
+            support_polygon(schedule, self._sole), ground + _OUTLINE, time
+        )
+        self._draw_points(context, ground)
+        self._draw_com_and_push(context)
+        if schedule.phase is not Phase.SWING:
             self._region_view.show(False, time)
         return EventStatus.Succeeded()
 
-    def _draw_feet(self, state: walking.WalkingState, time: float) -> None:
+    def _draw_points(self, context: Context, ground: float) -> None:
+        """Draws the points that are on the `ground` [m]."""
+        com = self._com(context)
+        reference = self._icp_reference(context)
+        command = self._ecmp_command(context)
+        for name, point in {
+            "com_ground": None if com is None else com.position[:2],
+            "icp": self._icp(context),
+            "icp_reference": None if reference is None else reference.icp,
+            "cop": None if command is None else command.cop,
+            "ecmp": None if command is None else command.ecmp,
+        }.items():
+            if point is not None:
+                p_W: Any = [*point, ground]
+                self._markers[name].place(
+                    RigidTransform(p_W), context.get_time()
+                )
+
+    def _draw_feet(self, state: WalkingState, time: float) -> None:
         """Draws a print, numbered by its step, for each foot in contact."""
         schedule = state.schedule
-        landed = schedule.support_side
-        if schedule.footsteps:
-            landed = schedule.footsteps[0].side.other
+        landed = (
+            schedule.footsteps[0].side.other
+            if schedule.footsteps
+            else schedule.support_side
+        )
         for side, outlines in self._footsteps.items():
             if schedule.in_contact(side):
-                number = state.steps_taken - (side is not landed)
-                self._draw_sole(side, number, schedule.feet[side], time)
-            poses = [s.pose for s in schedule.footsteps if s.side is side]
-            for outline, pose in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
-                outline.place(pose and scene.sole_transform(pose), time)
+                self._draw_print(
+                    f"{side.value}_{state.steps_taken - (side is not landed)}",
+                    palette.foot_color(side),
+                    schedule.feet[side],
+                    time,
+                )
+            poses = [
+                sole_transform(step.pose)
+                for step in schedule.footsteps
+                if step.side is side
+            ]
+            for outline, X_WF in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
+                outline.place(X_WF, time)
 
-    def _draw_sole(self, side: walking.Side, number: int, pose, time) -> None:
-        path = f"{FOOTPRINTS}/{side.value}_{number}"
+    def _draw_print(
+        self, name: str, color: str, pose: FootPose, time: float
+    ) -> None:
+        path = f"{FOOTPRINTS}/{name}"
         if self._meshcat.HasPath(path):
-            drawing = scene.Drawing(self._meshcat, path)
+            drawing = Drawing(self._meshcat, path)
         else:
-            color = palette.rgba(palette.foot_color(side), 0.6)
-            corners = scene.at_height(self._sole, 0.0)
-            drawing = scene.add_polygon(self._meshcat, path, corners, color)
-            scene.hide_before(drawing, time)
-        drawing.place(scene.sole_transform(pose, _PRINT), time)
+            drawing = add_polygon(
+                self._meshcat,
+                path,
+                at_height(self._sole, 0.0),
+                palette.rgba(color, 0.6),
+            )
+            hide_before(drawing, time)
+        drawing.place(sole_transform(pose, _PRINT), time)
 
-    def _draw_com_and_push(self, context, com: Array, time: float) -> None:
-        self._markers["com"].place(RigidTransform(com), time)
-        self._middle.place(RigidTransform([com[0], com[1], 0.0]), time)
-        if (force := self._push(context)) is None:
+    def _draw_com_and_push(self, context: Context) -> None:
+        time, com = context.get_time(), self._com(context)
+        if com is None:
             return
-        if np.linalg.norm(force) <= 1e-6:
+        x, y, _ = com.position
+        middle: Any = [x, y, 0.0]
+        self._markers["com"].place(RigidTransform(com.position), time)
+        self._middle.place(RigidTransform(middle), time)
+        force = self._push_force(context)
+        if force is None:
+            return
+        if np.linalg.norm(force) > 1e-6:
+            # A push lasts about three frames, too short to be seen: the arrow
+            # is hidden later in the recording.
+            R_WP = RotationMatrix.MakeFromOneVector(force, 2)
+            self._arrow.show(False, time + LINGER)
+            self._arrow.place(RigidTransform(R_WP, com.position), time)
+        else:
             self._arrow.show(False, None)  # a recording shows it longer
-            return
-        # A push lasts about three frames, too short to be seen: the arrow is
-        # hidden later in the recording.
-        R = RotationMatrix.MakeFromOneVector(force, 2)
-        self._arrow.show(False, time + LINGER)
-        self._arrow.place(RigidTransform(R, com), time)
 
-    def _draw_regions(self, context):
+    def _draw_regions(self, context: Context) -> EventStatus:
         """Draws the capture regions, clipped to RADIUS about the stance foot.
 
         Long before touchdown they extend for many metres.
         """
         schedule = self._walking_state(context).schedule
-        swings = schedule.phase is walking.Phase.SWING
-        if not swings or (found := self._regions(context)) is None:
+        swings = schedule.phase is Phase.SWING
+        regions = self._regions(context) if swings else None
+        if regions is None:
             return EventStatus.DidNothing()
         time = context.get_time()
         x, y, z = schedule.feet[schedule.support_side].p_WF
         near = circle(RADIUS, 24) + [x, y]
-        drawn = {"reach": found.reach}
-        drawn |= dict.fromkeys(("c_1", "c_2", "c_3"), np.empty((0, 2)))
-        for i, region in enumerate(found.regions[:3], start=1):
-            drawn[f"c_{i}"] = intersection(region, near)
-        for name, polygon in drawn.items():
-            above = _OUTLINE if name == "reach" else _REGION
-            self._polygons[f"{REGIONS}/{name}"].draw(polygon, z + above, time)
-        feet = [f.p_WF for f in (found.nominal, found.adjusted) if f]
-        is_moved = len(feet) == 2 and math.dist(*feet) > 1e-3
-        X_WF = scene.sole_transform(found.nominal) if is_moved else None
-        self._nominal.place(X_WF, time)
+        self._polygons[_REACH].draw(regions.reach, z + _OUTLINE, time)
+        for i, path in enumerate(_CAPTURE):
+            region = (
+                intersection(regions.regions[i], near)
+                if i < len(regions.regions)
+                else np.empty((0, 2))
+            )
+            self._polygons[path].draw(region, z + _REGION, time)
+        feet = [foot for foot in (regions.nominal, regions.adjusted) if foot]
+        is_moved = (
+            len(feet) == 2 and math.dist(feet[0].p_WF, feet[1].p_WF) > 1e-3
+        )
+        self._nominal.place(sole_transform(feet[0]) if is_moved else None, time)
         self._region_view.show(True, time)
         return EventStatus.Succeeded()

@@ -1,13 +1,14 @@
 """Buttons, sliders and a gamepad in Meshcat, for the user of a live session."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.mechanisms import LABELS, Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
 SIZE = "size [m/s]"
@@ -33,13 +34,6 @@ HALT, HALT_KEY = "Stop walking", "KeyX"  # all commands to 0
 STEPS = (0.1, 0.05, 0.02, 0.01, 0.005)  # [m/s], [rad/s]
 LEAST_STEPS = 3
 DEAD_ZONE = 0.15  # share of a stick's way that counts as at rest [-]
-# The fields of Mechanisms, with the names of their buttons.
-LABELS = {
-    "step": "step adjustment",
-    "swing": "swing timing",
-    "transfer": "transfer timing",
-    "cross_over": "cross-over",
-}
 
 
 class LiveControls(LeafSystem):
@@ -79,17 +73,21 @@ class LiveControls(LeafSystem):
         self._meshcat = meshcat
         self._limits = np.array(limits, dtype=float)
         meshcat.AddButton(PUSH, PUSH_KEY)
-        for name, (*bounds, value) in SLIDERS.items():
+        for name, (low, high, step, value) in SLIDERS.items():
             if name not in meshcat.GetSliderNames():
-                meshcat.AddSlider(name, *bounds, value)
+                meshcat.AddSlider(
+                    name, min=low, max=high, step=step, value=value
+                )
             meshcat.SetSliderValue(name, value)
         self._add_commands()
         self._show_mechanisms(on.as_vector())
-        self._push = self.DeclareDiscreteState([0.0, *self.aimed_push()])
-        self._on = self.DeclareDiscreteState(on.as_vector())
-        self._command = self.DeclareDiscreteState(len(COMMANDS))
+        aimed: Any = [0.0, *self.aimed_push()]
+        switches: Any = on.as_vector()
+        self._push: Any = self.DeclareDiscreteState(aimed)
+        self._on: Any = self.DeclareDiscreteState(switches)
+        self._command: Any = self.DeclareDiscreteState(len(COMMANDS))
         # Clicks on PUSH before this run, and those on HALT that were heard.
-        self._clicks = self.DeclareDiscreteState(2)
+        self._clicks: Any = self.DeclareDiscreteState(2)
         self.DeclareStateOutputPort("live_push", self._push)
         self.DeclareStateOutputPort("mechanisms", self._on)
         self.DeclareStateOutputPort("velocity_command", self._command)
@@ -97,17 +95,31 @@ class LiveControls(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._poll)
 
     def keep_mechanisms(self, old: Context, new: Context) -> None:
-        """Copies the mechanisms that are on from Context `old` to `new`."""
-        on = self.GetMyContextFromRoot(old).get_discrete_state(self._on)
-        mine = self.GetMyMutableContextFromRoot(new)
-        mine.SetDiscreteState(self._on, on.value())
+        """Copies the mechanisms that are on from one run to the next.
+
+        Args:
+            old: Context of the whole diagram, of the run before.
+            new: Context of the whole diagram, changed.
+        """
+        self.GetMyMutableContextFromRoot(new).SetDiscreteState(
+            self._on,
+            self.GetMyContextFromRoot(old).get_discrete_state(self._on).value(),
+        )
 
     def aimed_push(self) -> list[float]:
-        """The push that a click would make: delta_v, direction, length."""
+        """Returns the push that a click would make.
+
+        Returns:
+            delta_v [m/s], direction [deg] and length [s].
+        """
         return [self._meshcat.GetSliderValue(name) for name in SLIDERS]
 
     def command(self) -> Array:
-        """The velocity command (3,) of the gamepad, or of the sliders."""
+        """Returns the velocity command of the gamepad, or of the sliders.
+
+        Returns:
+            Forward, left [m/s] and turn [rad/s], (3,).
+        """
         pad = self._meshcat.GetGamepad()
         if pad.index is not None:
             held = stick_command(pad.axes, self._limits)
@@ -118,22 +130,23 @@ class LiveControls(LeafSystem):
     def _add_commands(self) -> None:
         meshcat = self._meshcat
         meshcat.AddButton(HALT, HALT_KEY)
-        least, most = self._limits
-        for i, (name, (lower, higher)) in enumerate(COMMANDS.items()):
-            step = slider_step(min(-least[i], most[i]))
+        for (name, (lower, higher)), (low, high) in zip(
+            COMMANDS.items(), self._limits.T, strict=True
+        ):
+            step = slider_step(min(-low, high))
             # Whole steps from 0, so that 0 is one of the slider's values.
             meshcat.DeleteSlider(name, strict=False)
             meshcat.AddSlider(
                 name,
-                min=-step * max(int(-least[i] / step + 1e-9), 1),
-                max=step * max(int(most[i] / step + 1e-9), 1),
+                min=-step * max(int(-low / step + 1e-9), 1),
+                max=step * max(int(high / step + 1e-9), 1),
                 step=step,
                 value=0.0,
                 decrement_keycode=lower,
                 increment_keycode=higher,
             )
 
-    def _show_mechanisms(self, on) -> None:
+    def _show_mechanisms(self, on: Any) -> None:
         """Replaces all toggle buttons, which resets their clicks."""
         # All are replaced: a single new label would change their order.
         for name in LABELS:
@@ -142,19 +155,23 @@ class LiveControls(LeafSystem):
         for name, is_on in zip(LABELS, on, strict=True):
             self._meshcat.AddButton(_label(name, is_on))
 
-    def _begin(self, context, state):
+    def _begin(self, context: Any, state: Any) -> EventStatus:
         """Shows what is on, and forgets the clicks before, for a new run."""
         # A button that is added again comes last, and hears its key twice.
-        clicks = [self._meshcat.GetButtonClicks(name) for name in (PUSH, HALT)]
-        state.set_value(self._clicks, clicks)
+        state.set_value(
+            self._clicks,
+            [self._meshcat.GetButtonClicks(name) for name in (PUSH, HALT)],
+        )
         self._show_mechanisms(context.get_discrete_state(self._on).value())
         state.get_mutable_vector(self._push)[0] = 0.0
         return EventStatus.Succeeded()
 
-    def _poll(self, context, state):
+    def _poll(self, context: Any, state: Any) -> EventStatus:
         before, heard = context.get_discrete_state(self._clicks).value()
-        pushes = self._meshcat.GetButtonClicks(PUSH) - before
-        state.set_value(self._push, [pushes, *self.aimed_push()])
+        state.set_value(
+            self._push,
+            [self._meshcat.GetButtonClicks(PUSH) - before, *self.aimed_push()],
+        )
         halts = self._meshcat.GetButtonClicks(HALT)
         if halts > heard:
             for name in COMMANDS:
@@ -162,8 +179,10 @@ class LiveControls(LeafSystem):
             state.set_value(self._clicks, [before, halts])
         state.set_value(self._command, self.command())
         on = context.get_discrete_state(self._on).value()
-        labels = map(_label, LABELS, on)
-        clicks = [self._meshcat.GetButtonClicks(label) for label in labels]
+        clicks = [
+            self._meshcat.GetButtonClicks(_label(name, is_on))
+            for name, is_on in zip(LABELS, on, strict=True)
+        ]
         if any(clicks):
             state.set_value(self._on, (on + clicks) % 2.0)
             self._show_mechanisms((on + clicks) % 2.0)
@@ -179,18 +198,31 @@ def stick_command(axes: Sequence[float], limits: Array) -> Array:
         limits: least and most of the command, (2, 3).  A stick that is pushed
             all the way commands them; the left one forward and aside, the
             right one turns.
+
+    Returns:
+        Forward, left [m/s] and turn [rad/s], (3,); 0 in the DEAD_ZONE.
     """
     right, down, clockwise, *_ = [*axes, 0.0, 0.0, 0.0]
     pushed = -np.array([down, right, clockwise])
     beyond = np.maximum(np.abs(pushed) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
-    least, most = limits
-    return np.where(pushed > 0.0, beyond * most, beyond * least)
+    least, greatest = limits
+    return np.asarray(beyond * np.where(pushed > 0.0, greatest, least))
 
 
-def slider_step(most: float) -> float:
-    """Returns the step of a slider that goes up to `most`, one of STEPS."""
-    fine = [step for step in STEPS if LEAST_STEPS * step <= most + 1e-9]
-    return max(fine, default=STEPS[-1])
+def slider_step(limit: float) -> float:
+    """Returns the step of a slider.
+
+    Args:
+        limit: up to which it goes [m/s], [rad/s].
+
+    Returns:
+        The largest of STEPS of which the limit has LEAST_STEPS, or the
+        smallest.
+    """
+    return max(
+        (step for step in STEPS if LEAST_STEPS * step <= limit + 1e-9),
+        default=STEPS[-1],
+    )
 
 
 def _label(name: str, on: float) -> str:

@@ -6,13 +6,27 @@ and hidden, always with the time of the frame.
 """
 
 import math
+from typing import Any
 
 import numpy as np
-from pydrake import geometry
-from pydrake.geometry import Meshcat, MeshcatParams, Rgba
+from pydrake.geometry import (
+    Cylinder,
+    Meshcat,
+    MeshcatCone,
+    MeshcatParams,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Rgba,
+    Role,
+    SceneGraph,
+    Shape,
+)
 from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
-from pydrake.multibody import plant as mbp
+from pydrake.multibody.plant import (
+    ExternallyAppliedSpatialForceMultiplexer,
+    MultibodyPlant,
+)
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
@@ -40,17 +54,24 @@ _LIGHTS = {
     "PointLightPositiveX": (2.0, None),
 }
 _GHOST = palette.rgba(palette.ICP, 0.3)
-_CAMERA, _TARGET = [3.3, 1.9, 1.75], [0.25, 0.0, 0.72]
+_CAMERA: Any = [3.3, 1.9, 1.75]  # in W [m]
+_TARGET: Any = [0.25, 0.0, 0.72]  # in W [m]
 _FLOOR, _CELL = 15.0, 0.5  # half size, grid [m]
 LINE = 0.012  # width of outlines and of the grid [m]
 
 
 def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
-    """Returns a Meshcat, and a message if the `port` is busy.
+    """Starts a Meshcat.
 
-    Then, or without a `port`, it has the first free one from 7000 on.
+    Args:
+        port: port of its page, by default the first free one from 7000 on,
+            which is also taken if the port is busy.
 
-    Raises ValueError: `port` is not in [1024, 65535].
+    Returns:
+        The Meshcat, and a message if the port is busy.
+
+    Raises:
+        ValueError: `port` is not in [1024, 65535].
     """
     # Drake aborts for lower ports, and uses port - 65536 for higher ones.
     if port is not None and not 1024 <= port <= 65535:
@@ -63,14 +84,26 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
 
 
 def add_robot_view(
-    builder: DiagramBuilder, scene_graph, meshcat, **looks: object
+    builder: DiagramBuilder,
+    scene_graph: SceneGraph,
+    meshcat: Meshcat,
+    **looks: Any,
 ) -> None:
-    """Adds a MeshcatVisualizer of visual shapes, if `looks` name no other."""
-    looks = {"prefix": ROBOT, "role": geometry.Role.kIllustration} | looks
-    looks["publish_period"] = PERIOD
-    params = geometry.MeshcatVisualizerParams(**looks)
-    add = geometry.MeshcatVisualizer.AddToBuilder
-    add(builder, scene_graph, meshcat, params)
+    """Adds a MeshcatVisualizer, by default of visual shapes.
+
+    Args:
+        builder: builder of the diagram.
+        scene_graph: scene graph of the robot, in the builder.
+        meshcat: where it is drawn.
+        **looks: parameters of the MeshcatVisualizer, such as its role.
+    """
+    looks = {"prefix": ROBOT, "role": Role.kIllustration, **looks}
+    MeshcatVisualizer.AddToBuilder(
+        builder,
+        scene_graph,
+        meshcat,
+        MeshcatVisualizerParams(publish_period=PERIOD, **looks),
+    )
 
 
 def add_ghost(
@@ -78,35 +111,56 @@ def add_ghost(
     robot: RobotModel,
     state: OutputPort,
     meshcat: Meshcat,
-) -> mbp.MultibodyPlant:
-    """Adds the translucent shapes of a `robot` at an estimated `state` [q, v].
+) -> MultibodyPlant:
+    """Adds the translucent shapes of a robot at an estimated state.
 
-    The builder's diagram must not outlive the plant that is returned.
+    Args:
+        builder: builder of the diagram.
+        robot: robot to show.
+        state: port of its state [q, v], in the builder.
+        meshcat: where it is drawn.
+
+    Returns:
+        The plant of the shapes, which must outlive the builder's diagram.
     """
-    scene_graph = builder.AddNamedSystem("ghost", geometry.SceneGraph())
-    plant = mbp.MultibodyPlant(0.0)
+    scene_graph: Any = builder.AddNamedSystem("ghost", SceneGraph())
+    plant = MultibodyPlant(0.0)
     source = plant.RegisterAsSourceForSceneGraph(scene_graph)
     robot.add_to(plant)
     plant.Finalize()
     poses = builder.AddSystem(MultibodyPositionToGeometryPose(plant, True))
     builder.Connect(state, poses.get_input_port())
-    port = scene_graph.get_source_pose_port(source)
-    builder.Connect(poses.get_output_port(), port)
-    looks = {"role": geometry.Role.kProximity, "default_color": _GHOST}
-    add_robot_view(builder, scene_graph, meshcat, prefix=GHOST, **looks)
+    builder.Connect(
+        poses.get_output_port(), scene_graph.get_source_pose_port(source)
+    )
+    add_robot_view(
+        builder,
+        scene_graph,
+        meshcat,
+        prefix=GHOST,
+        role=Role.kProximity,
+        default_color=_GHOST,
+    )
     return plant
 
 
 def set_scene(meshcat: Meshcat) -> None:
-    """Sets floor, lights, sky and an oblique camera."""
+    """Sets floor, lights, sky and an oblique camera.
+
+    Args:
+        meshcat: scene to change.
+    """
     for light, (intensity, position) in _LIGHTS.items():
         path = f"/Lights/{light}/<object>"
         meshcat.SetProperty(path, "intensity", intensity)
         if position is not None:
             meshcat.SetProperty(path, "position", position)
-    sky = "/Background/<object>"
-    meshcat.SetProperty(sky, "top_color", palette.rgb(palette.SKY_TOP))
-    meshcat.SetProperty(sky, "bottom_color", palette.rgb(palette.SKY_BOTTOM))
+    for name, color in (
+        ("top_color", palette.SKY_TOP),
+        ("bottom_color", palette.SKY_BOTTOM),
+    ):
+        sky: Any = palette.rgb(color)
+        meshcat.SetProperty("/Background/<object>", name, sky)
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
     _add_floor(meshcat)
@@ -115,10 +169,16 @@ def set_scene(meshcat: Meshcat) -> None:
     meshcat.SetCameraPose(_CAMERA, _TARGET)
 
 
-def move_floor(meshcat: Meshcat, p_W: np.ndarray) -> None:
-    """Moves the floor below `p_W` (3,) [m], by whole cells of its grid."""
+def move_floor(meshcat: Meshcat, p_W: Array) -> None:
+    """Moves the floor below a point, by whole cells of its grid.
+
+    Args:
+        meshcat: scene with a floor (see set_scene).
+        p_W: the point, (3,) in W [m].
+    """
     x, y = _CELL * np.round(p_W[:2] / _CELL)
-    meshcat.SetTransform("/Floor", RigidTransform([x, y, 0.0]))
+    p_WFloor: Any = [x, y, 0.0]
+    meshcat.SetTransform("/Floor", RigidTransform(p_WFloor))
 
 
 def _add_floor(meshcat: Meshcat) -> None:
@@ -134,52 +194,88 @@ def _add_floor(meshcat: Meshcat) -> None:
     ):
         x0, x1, y0, y1 = np.transpose(rectangles)
         xy = np.array([[x0, x1, x1, x0], [y0, y0, y1, y1]])  # (2, 4, n)
-        corners = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
+        corners: Any = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
         a, b, c, d = np.arange(xy[0].size, dtype=np.int32).reshape(4, -1)
-        triangles = np.hstack([[a, b, c], [a, c, d]])
-        look = palette.rgba(color)
-        meshcat.SetTriangleMesh(f"/Floor/{name}", corners, triangles, look)
+        triangles: Any = np.hstack([[a, b, c], [a, c, d]])
+        meshcat.SetTriangleMesh(
+            f"/Floor/{name}", corners, triangles, palette.rgba(color)
+        )
 
 
 class Drawing:
     """The objects at and under one Meshcat path; hidden until shown."""
 
     def __init__(self, meshcat: Meshcat, path: str):
-        """Hides the `path`; a time of None is not in a recording."""
+        """Hides the objects.
+
+        Args:
+            meshcat: where they are drawn.
+            path: path of the objects.
+        """
         self._meshcat, self._path = meshcat, path
         self.show(False, None)
 
     def show(self, visible: bool, time: float | None) -> None:
-        """Shows or hides the objects from `time` [s] on."""
+        """Shows or hides the objects.
+
+        Args:
+            visible: whether they are shown.
+            time: time from which on they are [s]; None: not in a recording.
+        """
         self._meshcat.SetProperty(self._path, "visible", visible, time)
 
     def place(self, X_W: RigidTransform | None, time: float) -> None:
-        """Shows the objects at the pose X_W; None hides them."""
+        """Shows the objects at a pose.
+
+        Args:
+            X_W: pose in W; None hides them.
+            time: time from which on they are there [s].
+        """
         if X_W is not None:
             self._meshcat.SetTransform(self._path, X_W, time)
         self.show(X_W is not None, time)
 
 
-def add_marker(meshcat: Meshcat, path: str, shape, color: str) -> Drawing:
-    """Adds a small object that is seen through the robot."""
+def add_marker(
+    meshcat: Meshcat, path: str, shape: Shape, color: str
+) -> Drawing:
+    """Adds a small object that is seen through the robot.
+
+    Args:
+        meshcat: where it is drawn.
+        path: path of the object.
+        shape: shape of the object.
+        color: colour, written #rrggbb.
+
+    Returns:
+        The object, hidden.
+    """
     # Transparent objects are painted after all opaque ones.
     meshcat.SetObject(path, shape, palette.rgba(color, 0.99))
-    seen_through = f"{path}/<object>"
-    meshcat.SetProperty(seen_through, "material.depthTest", False)
-    meshcat.SetProperty(seen_through, "renderOrder", 1.0)
+    meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
+    meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
     return Drawing(meshcat, path)
 
 
 def add_arrow(meshcat: Meshcat, path: str, color: str) -> Drawing:
-    """Adds an arrow along its z axis that points at its origin."""
+    """Adds an arrow along its z axis that points at its origin.
+
+    Args:
+        meshcat: where it is drawn.
+        path: path of the arrow.
+        color: colour, written #rrggbb.
+
+    Returns:
+        The arrow, hidden.
+    """
     shaft, head, gap = 0.41, 0.14, 0.2  # lengths [m]
+    p_shaft: Any = [0.0, 0.0, -gap - head - 0.5 * shaft]
+    p_head: Any = [0.0, 0.0, -gap]
     # A cone opens along z from its tip; the arrow's tip points along z.
-    over = RotationMatrix.MakeXRotation(math.pi)
-    middle = [0.0, 0.0, -gap - head - 0.5 * shaft]
-    tip = RigidTransform(over, [0.0, 0.0, -gap])
+    X_head = RigidTransform(RotationMatrix.MakeXRotation(math.pi), p_head)
     for part, shape, X in (
-        ("shaft", geometry.Cylinder(0.02, shaft), RigidTransform(middle)),
-        ("head", geometry.MeshcatCone(head, 0.05, 0.05), tip),
+        ("shaft", Cylinder(0.02, shaft), RigidTransform(p_shaft)),
+        ("head", MeshcatCone(head, 0.05, 0.05), X_head),
     ):
         meshcat.SetObject(f"{path}/{part}", shape, palette.rgba(color))
         meshcat.SetTransform(f"{path}/{part}", X)
@@ -194,18 +290,29 @@ def add_polygon(
     filled: bool = True,
     outlined: bool = False,
 ) -> Drawing:
-    """Adds a convex polygon with `corners` (n, 3) [m], counterclockwise.
+    """Adds a convex polygon.
 
     The outline is LINE wide, within the polygon.  A filled polygon is painted
     twice there, which makes a transparent outline darker.
+
+    Args:
+        meshcat: where it is drawn.
+        path: path of the polygon.
+        corners: corners (n, 3) [m], counter-clockwise.
+        color: colour and opacity.
+        filled: whether it is filled.
+        outlined: whether it has an outline.
+
+    Returns:
+        The polygon, hidden.
     """
     count = len(corners)
     i = np.arange(count, dtype=np.int32)
-    fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
     j = np.roll(i, -1)
+    fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
     edges = np.hstack([[i, j, j + count], [i, j + count, i + count]])
-    points = np.vstack([corners, _inset(corners)]).T
-    triangles = np.hstack([fan] * filled + [edges] * outlined)
+    points: Any = np.vstack([corners, _inset(corners)]).T
+    triangles: Any = np.hstack([fan] * filled + [edges] * outlined)
     meshcat.SetTriangleMesh(path, points, triangles, color)
     # Objects that are painted later, but lie lower, must stay visible.
     if color.a() < 1.0:
@@ -219,21 +326,37 @@ def _inset(corners: Array) -> Array:
     lengths = np.linalg.norm(edges, axis=1, keepdims=True)
     after = edges[:, ::-1] * [-1.0, 1.0] / np.maximum(lengths, 1e-9)
     before = np.roll(after, 1, axis=0)  # both point inwards
-    # Sharp corners, and those of nearly no polygon, move by 2 LINE at most.
     cosine = np.sum(before * after, axis=1, keepdims=True)
     inset = corners.copy()
+    # Sharp corners, and those of nearly no polygon, move by 2 LINE at most.
     inset[:, :2] += LINE * (before + after) / np.maximum(1.0 + cosine, 0.5)
     return inset
 
 
 def at_height(polygon: Array, z: float) -> Array:
-    """The points (n, 2) with this z, (n, 3) [m]."""
+    """Returns the points of a polygon with a height.
+
+    Args:
+        polygon: points (n, 2) [m].
+        z: height [m].
+
+    Returns:
+        The points (n, 3) [m].
+    """
     return np.column_stack([polygon, np.full(len(polygon), z)])
 
 
 def sole_transform(pose: FootPose, height: float = 0.0) -> RigidTransform:
-    """X_WF of a level sole, lifted by a `height` [m]."""
-    p_W = pose.p_WF + [0.0, 0.0, height]
+    """Returns X_WF of a level sole.
+
+    Args:
+        pose: pose of the sole.
+        height: by which it is lifted [m].
+
+    Returns:
+        The pose of the sole in W.
+    """
+    p_W: Any = pose.p_WF + [0.0, 0.0, height]
     return RigidTransform(RollPitchYaw(0.0, 0.0, pose.yaw), p_W)
 
 
@@ -251,28 +374,17 @@ class ChangingPolygon:
     def __init__(
         self, meshcat: Meshcat, path: str, color: Rgba, filled: bool = True
     ):
-        self._meshcat, self._path, self._color = meshcat, path, color
-        self._filled = filled
-        self.forget()
+        """Begins without a shape.
 
-    def draw(self, polygon: Array, z: float, time: float) -> None:
-        """Shows `polygon` (n, 2) [m] of W at z [m]; an empty one hides it."""
-        corners, old = at_height(polygon, z), self._corners
-        alike = corners.shape == old.shape
-        if alike and (abs(corners - old) < self.STILL).all():
-            return
-        self._corners = corners
-        if self._shown is not None:
-            self._shown.show(False, time)
-            self._shown = None
-        if len(polygon):
-            self._count += 1
-            path = f"{self._path}/{self._count}"
-            new = self._meshcat, path, corners, self._color
-            self._shown = add_polygon(*new, self._filled, True)
-            hide_before(self._shown, time)
-            self._shown.show(True, time)
-            self._meshcat.Delete(f"{self._path}/{self._count - self.KEPT}")
+        Args:
+            meshcat: where it is drawn.
+            path: path of all shapes.
+            color: colour and opacity.
+            filled: whether the polygon is filled.
+        """
+        self._meshcat, self._path = meshcat, path
+        self._color, self._filled = color, filled
+        self.forget()
 
     def forget(self) -> None:
         """Removes all shapes."""
@@ -280,11 +392,48 @@ class ChangingPolygon:
         self._count, self._corners = 0, np.empty((0, 3))
         self._shown: Drawing | None = None
 
+    def draw(self, polygon: Array, z: float, time: float) -> None:
+        """Shows a polygon.
+
+        Args:
+            polygon: corners (n, 2) in W [m]; without any it is hidden.
+            z: height in W [m].
+            time: time from which on it is shown [s].
+        """
+        corners, old = at_height(polygon, z), self._corners
+        if (
+            corners.shape == old.shape
+            and (abs(corners - old) < self.STILL).all()
+        ):
+            return
+        self._corners = corners
+        if self._shown is not None:
+            self._shown.show(False, time)
+            self._shown = None
+        if len(polygon):
+            self._count += 1
+            self._shown = add_polygon(
+                self._meshcat,
+                f"{self._path}/{self._count}",
+                corners,
+                self._color,
+                filled=self._filled,
+                outlined=True,
+            )
+            hide_before(self._shown, time)
+            self._shown.show(True, time)
+            self._meshcat.Delete(f"{self._path}/{self._count - self.KEPT}")
+
 
 def hide_before(drawing: Drawing, time: float) -> None:
-    """Hides a new object in frames before `time` [s]."""
-    if (before := time - PERIOD) >= 0.0:
-        drawing.show(False, before)
+    """Hides a new object in the frames before it is shown.
+
+    Args:
+        drawing: the object.
+        time: time from which on it is shown [s].
+    """
+    if time - PERIOD >= 0.0:
+        drawing.show(False, time - PERIOD)
 
 
 def add_mechanisms(
@@ -296,42 +445,84 @@ def add_mechanisms(
 ) -> OutputPort:
     """Adds the source of `mechanisms`: constant, or LiveControls.
 
-    `limits` (2, 3) are least and most of a velocity command.
+    Args:
+        builder: builder of the diagram.
+        on: mechanisms that are on at first.
+        push: source of pushes, in the builder, that LiveControls triggers.
+        meshcat: where the controls are, if there are any.
+        limits: least and most of a velocity command, (2, 3).
+
+    Returns:
+        The port of the mechanisms.
     """
     if meshcat is None:
-        source = ConstantVectorSource(on.as_vector())
-        return builder.AddNamedSystem("mechanisms", source).get_output_port()
-    controls = LiveControls(meshcat, on, limits)
-    builder.AddNamedSystem(CONTROLS, controls)
+        switches: Any = on.as_vector()
+        return builder.AddNamedSystem(
+            "mechanisms", ConstantVectorSource(switches)
+        ).get_output_port()
+    controls = builder.AddNamedSystem(
+        CONTROLS, LiveControls(meshcat, on, limits)
+    )
     connect(builder, controls, push, "live_push")
     return controls.GetOutputPort("mechanisms")
 
 
-def add_mouse(builder, plant, scene_graph, meshcat) -> OutputPort | None:
-    """Adds Drake's pushes with the mouse; returns the port of their forces.
+def add_mouse(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    meshcat: Meshcat,
+) -> OutputPort | None:
+    """Adds Drake's pushes with the mouse.
 
-    The port is not connected; None before Drake 1.57, which has no mouse.
+    Args:
+        builder: builder of the diagram.
+        plant: plant that is pushed, in the builder.
+        scene_graph: scene graph of the plant, in the builder.
+        meshcat: where the mouse is.
+
+    Returns:
+        The port of their forces, not connected; None before Drake 1.57, which
+        has no mouse.
     """
     if not hasattr(VisualizationConfig, "mouse_interaction_stiffness"):
         return None
-    kinds = "illustration proximity inertia contacts".split()
-    config = VisualizationConfig(**{f"publish_{kind}": False for kind in kinds})
-    where = {"plant": plant, "scene_graph": scene_graph, "meshcat": meshcat}
-    where["lcm"] = DrakeLcm("memq://null")
-    ApplyVisualizationConfig(config, builder, **where)
+    ApplyVisualizationConfig(
+        VisualizationConfig(
+            publish_illustration=False,
+            publish_proximity=False,
+            publish_inertia=False,
+            publish_contacts=False,
+        ),
+        builder,
+        lcm=DrakeLcm("memq://null"),
+        plant=plant,
+        scene_graph=scene_graph,
+        meshcat=meshcat,
+    )
     applied = plant.GetInputPort("applied_spatial_force")
     spring, index = builder.connection_map()[plant, applied.get_index()]
-    forces = spring.get_output_port(index)
+    forces: OutputPort = spring.get_output_port(index)
     builder.Disconnect(forces, applied)
     return forces
 
 
-def connect_forces(builder: DiagramBuilder, engine: System, *forces) -> None:
-    """Applies the sum of the ports `forces`, if not None, to the `engine`."""
+def connect_forces(
+    builder: DiagramBuilder, engine: System, *forces: OutputPort | None
+) -> None:
+    """Applies the sum of forces to an engine.
+
+    Args:
+        builder: builder of the diagram.
+        engine: system with a port `applied_spatial_force`, in the builder.
+        *forces: ports of spatial forces, in the builder; None are left out.
+    """
     ports = [port for port in forces if port is not None]
-    total = mbp.ExternallyAppliedSpatialForceMultiplexer(len(ports))
-    builder.AddSystem(total)
+    total = builder.AddSystem(
+        ExternallyAppliedSpatialForceMultiplexer(len(ports))
+    )
     for i, port in enumerate(ports):
         builder.Connect(port, total.get_input_port(i))
-    to = engine.GetInputPort("applied_spatial_force")
-    builder.Connect(total.get_output_port(), to)
+    builder.Connect(
+        total.get_output_port(), engine.GetInputPort("applied_spatial_force")
+    )

@@ -12,7 +12,7 @@ from pydrake.systems.framework import LeafSystem
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Command, load_scenario
 from nadia_balance.diagrams.simulation import simulate
-from nadia_balance.results.log import icp_error, signal, steps
+from nadia_balance.results.log import icp_error, signal_view, steps
 from nadia_balance.results.measurements import is_square
 from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot
@@ -37,9 +37,9 @@ def test_a_standing_robot_steps_and_stands_again(robot, direction):
     size = 0.9 if direction in (90, 270) else 1.1
     run = pushed(direction, size, robot)
     assert run.summary["recovered"], run.summary["reason"]
-    walking = signal(run.logs, "walking_signal")
+    walking = signal_view(run.logs, "walking_signal")
     assert walking.steps_taken[-1] > 0
-    last = signal(run.logs, "walking_signal", -1)
+    last = signal_view(run.logs, "walking_signal", -1)
     assert is_square(last) and run.logs["t"][-1] < 6.1 + 0.6
     modes = {MODES[int(mode)].value for mode in walking.mode}
     assert "recovering" in modes and "standing" in modes
@@ -80,7 +80,7 @@ def test_walks_as_fast_as_it_is_told_and_stops(command, tolerance):
     go = Command(time=0.5, forward=forward, left=left, turn=turn)
     scenario = scenario.changed(commands=[go, Command(time=6.0)])
     run = simulate(LipmDiagram(scenario), 9.0)
-    t, walking = run.logs["t"], signal(run.logs, "walking_signal")
+    t, walking = run.logs["t"], signal_view(run.logs, "walking_signal")
     landed = [s for s in steps(run.logs) if 3.0 < s.swing.end < 6.0]
     first, last = landed[0], landed[2 * ((len(landed) - 1) // 2)]
     time = last.swing.end - first.swing.end
@@ -93,7 +93,7 @@ def test_walks_as_fast_as_it_is_told_and_stops(command, tolerance):
     assert np.max(icp_error(run.logs)) < 0.02
     stands = t[(t > 6.0) & (walking.phase == 0.0)][0]
     assert stands - 6.0 <= 1.6
-    assert is_square(signal(run.logs, "walking_signal", -1))
+    assert is_square(signal_view(run.logs, "walking_signal", -1))
 
 
 @pytest.mark.parametrize("late", np.arange(0.0, 0.8, 0.08).round(2).tolist())
@@ -104,7 +104,7 @@ def test_it_stops_at_any_time_of_a_step(late):
     commands = [Command(time=0.5, forward=0.3), Command(time=stop)]
     scenario = scenario.changed(commands=commands)
     run = simulate(LipmDiagram(scenario), 7.0)
-    t, walking = run.logs["t"], signal(run.logs, "walking_signal")
+    t, walking = run.logs["t"], signal_view(run.logs, "walking_signal")
     assert t[(t > stop) & (walking.phase == 0.0)][0] - stop <= 1.61
 
 
@@ -114,7 +114,7 @@ def test_a_push_has_priority_and_the_walk_goes_on():
     scenario = scenario.changed(commands=[Command(time=0.5, forward=0.3)])
     scenario = scenario.with_push(delta_v=0.7, direction=60.0, at="4 s")
     run = simulate(LipmDiagram(scenario), 12.0)
-    t, walking = run.logs["t"], signal(run.logs, "walking_signal")
+    t, walking = run.logs["t"], signal_view(run.logs, "walking_signal")
     soon = (t > 4.2) & (t < 5.0)
     assert np.any(walking.mode[soon] == 2.0)
     late = [s for s in steps(run.logs) if s.swing.end > 8.0]
@@ -149,7 +149,7 @@ def test_a_source_of_the_users_is_connected_by_its_name():
     scenario = load_scenario("stand", duration=6.0)
     sources = {"velocity_command": Slow()}
     run = simulate(LipmDiagram(scenario, sources=sources), 6.0)
-    now = signal(run.logs, "walking_signal", -1)
+    now = signal_view(run.logs, "walking_signal", -1)
     middle = 0.5 * (now.left[1] + now.right[1])
     assert middle == pytest.approx(0.1 * 4.7, abs=0.1)
     for name, message in (

@@ -12,12 +12,13 @@ import pytest
 from pydrake.multibody import plant as mbp
 
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.mechanisms import LABELS
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.simulation import advance, start
-from nadia_balance.results.log import signal
+from nadia_balance.results.log import signal_view
 from nadia_balance.systems.signals import PHASES
-from nadia_balance.view.live_controls import LABELS, PUSH, SIZE
+from nadia_balance.view.live_controls import PUSH, SIZE
 from nadia_balance.view.scene import GHOST, start_meshcat
 from tests import run_cache
 from tests.blocks import answer
@@ -161,7 +162,7 @@ def test_the_mirrored_shove_gives_the_mirrored_path():
     assert np.ptp(right["icp"][:, 1]) > 0.2
     assert np.max(apart) < 3e-3
     assert np.mean(apart) < 1e-4
-    phases = [signal(log, "walking_signal").phase for log in (right, left)]
+    phases = [signal_view(log, "walking_signal").phase for log in (right, left)]
     assert np.count_nonzero(phases[0] != phases[1]) <= 6  # of 6 changes
 
 
@@ -229,12 +230,12 @@ def test_clicks_do_what_the_scenario_would():
     assert not on[0].any() and on[clicked["t"] > 0.02].all()
     push = ", pushes: [{delta_v: 0.4, at: 0.602 s, direction_deg: 90.0}]"
     built = runs.simulated(text % ("all_with_cross_over", push)).logs
-    of_push = signal(built, "push_signal").force
-    assert np.array_equal(signal(clicked, "push_signal").force, of_push)
+    of_push = signal_view(built, "push_signal").force
+    assert np.array_equal(signal_view(clicked, "push_signal").force, of_push)
     rest = set(built) - {"mechanisms", "push_signal"}  # who waits for it
     kept, other = ({n: log[n] for n in rest} for log in (clicked, built))
     assert digest(kept) == digest(other)
-    walking = signal(clicked, "walking_signal")
+    walking = signal_view(clicked, "walking_signal")
     footholds = walking.target[:2, walking.phase == SWING].T
     assert math.dist(footholds[0], footholds[-1]) > 0.1
     hurried = np.max(np.diff(walking.time_in_phase))

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
-import nadia_balance.results.log as read
 from nadia_balance.core.body.reachability import FORWARD, ReachabilityParams
 from nadia_balance.core.body.reachability import cross_over_region as crossed
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
+from nadia_balance.results.log import (
+    Log,
+    PushSpan,
+    Step,
+    phase_spans,
+    pushes,
+    sole_pose,
+    steps,
+)
 from tests.diagrams.simulated import run_of, soon
 
 CROSSING = ReachabilityParams()
@@ -21,30 +29,30 @@ HALF_WIDTH, BACK = 0.125, 0.03  # of a stance; back at its foothold [m]
 class Story:
     """A run, from its push on."""
 
-    log: read.Log
+    log: Log
     summary: dict
 
     @property
-    def push(self) -> read.PushSpan:
-        (push,) = read.pushes(self.log)
+    def push(self) -> PushSpan:
+        (push,) = pushes(self.log)
         return push
 
     @property
-    def steps(self) -> list[read.Step]:
+    def steps(self) -> list[Step]:
         """Those that landed after the push had begun."""
         begun = self.push.start
-        return [s for s in read.steps(self.log) if s.swing.end > begun]
+        return [s for s in steps(self.log) if s.swing.end > begun]
 
     @property
     def force(self) -> np.ndarray:
         """Of the push, seen from the foot that carries: forward, left [N]."""
         side, _ = pushed_in(self)
-        stance = read.sole_pose(self.log, self.push.first, side.other)
+        stance = sole_pose(self.log, self.push.first, side.other)
         return stance.rotation.T @ self.push.force[:2]
 
-    def seen_from_stance(self, step: read.Step) -> np.ndarray:
+    def seen_from_stance(self, step: Step) -> np.ndarray:
         """Where a step landed: forward, and toward its own side [m]."""
-        stance = read.sole_pose(self.log, step.swing.last, step.side.other)
+        stance = sole_pose(self.log, step.swing.last, step.side.other)
         p_F = stance.to_sole(step.achieved.p_WF[None, :2])[0]
         return p_F * [1.0, step.side.sign]
 
@@ -83,7 +91,7 @@ def atlas_steps() -> Story:
 def pushed_in(story: Story) -> tuple[Side, float]:
     """The foot in the air when the push began, and how far its swing was."""
     start = story.push.start
-    span = next(s for s in read.phase_spans(story.log) if start <= s.end)
+    span = next(s for s in phase_spans(story.log) if start <= s.end)
     assert span.phase is Phase.SWING
     return span.swing_side, (start - span.start) / span.planned
 
@@ -110,7 +118,7 @@ def test_is_shoved_in_a_right_swing_and_recovers_by_its_feet_alone(
     assert found == pytest.approx(part, abs=0.0251)
     force = story.force
     assert force @ way == pytest.approx(np.linalg.norm(force), rel=1e-3)
-    taken, shoved = read.steps(story.log), story.steps[0]
+    taken, shoved = steps(story.log), story.steps[0]
     before = taken[shoved.number - 2]
     assert before.swing.duration == pytest.approx(swing, abs=0.02)
     assert shoved.transfer.duration == pytest.approx(transfer, abs=0.02)

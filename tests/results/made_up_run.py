@@ -61,9 +61,9 @@ _usual = functools.cache(lambda: _log_of(Recipe()))
 
 
 def _log_of(recipe: Recipe) -> dict[str, np.ndarray]:
-    signal = _walking_signal(recipe)
-    log = {"t": T * np.arange(len(signal)), "walking_signal": signal}
-    walking = WalkingSignal(signal.T)
+    rows = _walking_signal(recipe)
+    log = {"t": T * np.arange(len(rows)), "walking_signal": rows}
+    walking = WalkingSignal(rows.T)
     log["push_signal"] = _push(recipe, walking)
     force = PushSignal(log["push_signal"].T).force.T
     _add_point_mass(log, walking, force)
@@ -87,10 +87,11 @@ def cut(log: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
     return log | {name: a[:rows] for name, a in timed.items()}
 
 
-def summary_of(log: dict[str, np.ndarray], **told) -> dict:
-    """Returns the summary of a log; `told` are fields of Run and RunInfo."""
-    run = {f.name: told.pop(f.name) for f in fields(Run) if f.name in told}
-    info = RunInfo(**{"robot": "nadia", "mechanisms": "step", **told})
+def summary_of(log: dict[str, np.ndarray], **conditions) -> dict:
+    """Returns the summary of a log; `conditions`: fields of Run and RunInfo."""
+    of_run = {field.name for field in fields(Run)} & {*conditions}
+    run = {name: conditions.pop(name) for name in of_run}
+    info = RunInfo(**{"robot": "nadia", "mechanisms": "step", **conditions})
     return Run(logs=log, info=info, **run).summary
 
 
@@ -122,16 +123,17 @@ def _walking_signal(recipe: Recipe) -> np.ndarray:
         usual = np.zeros(2), recipe.swing, recipe.transfer
         move, swings, transfers = recipe.changed.get(k, usual)
         goal = plan + [*move, 0.0]
-        step = (k - 1, plan, goal, swing.sign)
-        if k == 1:
-            phase(Phase.STANDING, np.inf, recipe.standing, *step)
-        phase(Phase.TRANSFER, recipe.transfer, transfers, *step)
-        phase(Phase.SWING, recipe.swing, swings, *step)
+        for kind, planned, actual in (
+            (Phase.STANDING, np.inf, recipe.standing if k == 1 else 0.0),
+            (Phase.TRANSFER, recipe.transfer, transfers),
+            (Phase.SWING, recipe.swing, swings),
+        ):
+            phase(kind, planned, actual, k - 1, plan, goal, swing.sign)
         feet[swing] = goal + [recipe.miss, 0.0, 0.0]
         swing = swing.other
-    end = (recipe.num_steps, nowhere, nowhere)
-    phase(Phase.TRANSFER, 0.8, 0.8, *end)
-    phase(Phase.STANDING, np.inf, 1.0, *end)
+    taken = recipe.num_steps
+    phase(Phase.TRANSFER, 0.8, 0.8, taken, nowhere, nowhere)
+    phase(Phase.STANDING, np.inf, 1.0, taken, nowhere, nowhere)
     return np.array(rows, dtype=float)
 
 
@@ -175,8 +177,8 @@ def _add_point_mass(log, walking: WalkingSignal, push: np.ndarray) -> None:
     com.z[:] = 0.95
     com.position[:2, 0] = icp[0]
     for i in range(1, n):
-        way = com.position[:2, i - 1] - icp[i]
-        com.position[:2, i] = icp[i] + np.exp(-OMEGA * T) * way
+        offset = com.position[:2, i - 1] - icp[i]
+        com.position[:2, i] = icp[i] + np.exp(-OMEGA * T) * offset
     p = com.position[:2].T
     com.velocity[:2] = (OMEGA * (icp - p)).T
     log["com_state"], log["icp"] = com[:].T, icp

@@ -24,8 +24,10 @@ def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
     """Oracle: what is named exists and is not empty; nothing else does."""
     meshcat = start_meshcat()[0]
     pages.start_recording(meshcat)
-    what = log, made_up_run.summary_of(log), "robot: nadia\n", meshcat
-    names = pages.write_run(tmp_path, *what)
+    summary = made_up_run.summary_of(log)
+    names = pages.write_run(
+        tmp_path, log, summary, scenario="robot: nadia\n", meshcat=meshcat
+    )
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
     assert names == expected + PLOTS
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)

@@ -7,7 +7,7 @@ from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.results.log import (
     phase_spans,
     pushes,
-    signal,
+    signal_view,
     sole_pose,
     steps,
 )
@@ -62,7 +62,7 @@ def test_finds_each_push_with_its_own_size():
     assert first.start == pytest.approx(1.8 + 0.25 * 0.7, abs=1.01 * T)
     assert first.end - first.start == pytest.approx(0.1)
     assert first.force == pytest.approx([0.0, MASS * 0.4 / 0.1, 0.0])
-    push = signal(log, "push_signal")
+    push = signal_view(log, "push_signal")
     acts = np.flatnonzero(push.number)
     later = acts + len(acts)
     push.number[later], push.delta_v[later] = 2.0, 0.15

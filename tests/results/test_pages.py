@@ -22,8 +22,8 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
     log = make_log(Recipe())
     log["velocity_command"] = np.tile([0.3, 0.0, 0.0], (len(log["t"]), 1))
     summary = summary_of(log) | {"scenario": "</script>"}
-    told = telling(log, summary)
-    end, _ = told[-1]
+    story = telling(log, summary)
+    end, _ = story[-1]
     for time in (0.0, end + 1.0):
         meshcat.SetTransform(MIDDLE, RigidTransform([time, 0.0, 0.0]), time)
     pages.write_replay(meshcat, path, pages.replay_status(log, summary))
@@ -41,7 +41,7 @@ def test_the_page_tells_the_story_and_begins_again(browser, tmp_path):
         page.wait_for_function(shown, arg=clock)
         shown = " ".join(page.inner_text("#status").split())
         assert shown.startswith("</script> · ")
-        for begins, line in told:
+        for begins, line in story:
             words = " ".join(line.split("   ")[0].split())
             assert (words in shown) == (begins <= time), words
         left = page.evaluate("document.querySelector('#curves hr').style.left")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.walking.state import Mode, Phase
-from nadia_balance.results.log import pushes, signal
+from nadia_balance.results.log import pushes, signal_view
 from nadia_balance.results.story import (
     TOLD_COMMANDS,
     direction_words,
@@ -15,8 +15,8 @@ from nadia_balance.systems.signals import MODES, PHASES
 from tests.results.made_up_run import Recipe, T, make_log, summary_of
 
 
-def story(log, **told):
-    return telling_lines(log, summary_of(log, **told))
+def story(log, **conditions):
+    return telling_lines(log, summary_of(log, **conditions))
 
 
 def test_tells_a_recovery_from_the_push_to_the_end():
@@ -51,21 +51,22 @@ def test_names_directions_as_seen_from_the_stance_foot(degrees, word):
     """
     log = make_log()
     angle = np.radians(degrees) + 1.0
-    felt, walking = signal(log, "push_signal"), signal(log, "walking_signal")
+    felt = signal_view(log, "push_signal")
+    walking = signal_view(log, "walking_signal")
     felt.force[:2] = np.outer([np.cos(angle), np.sin(angle)], felt.force_y)
     walking.left_yaw[:] = walking.right_yaw[:] = 1.0
     first = pushes(log)[0]
-    row = signal(log, "walking_signal", first.first)
+    row = signal_view(log, "walking_signal", first.first)
     assert direction_words(row, first.force) == word
 
 
 def commanded(*rows, recipe=None):
     """A log with the commands of the rows (time, forward, left, turn)."""
     log = make_log(recipe or Recipe(pushed_step=None, changed={}))
-    told = np.zeros((len(log["t"]), 3))
+    commands = np.zeros((len(log["t"]), 3))
     for time, *command in rows:
-        told[log["t"] >= time - 0.5 * T] = command
-    return log | {"velocity_command": told}
+        commands[log["t"] >= time - 0.5 * T] = command
+    return log | {"velocity_command": commands}
 
 
 def test_tells_each_change_of_the_command_in_order_of_time():
@@ -73,17 +74,17 @@ def test_tells_each_change_of_the_command_in_order_of_time():
 
     The push is told among them; the result is the last line.
     """
-    rows = (
+    log = commanded(
         (0.0, 0.3, 0.0, 0.0),
         (1.0, 0.3, 0.0, 0.0),
         (1.5, -0.2, -0.1, 0.0),
         (2.0, 0.0, 0.1, -0.25),
         (5.0, 0.0, 0.0, 0.0),
+        recipe=Recipe(changed={}),
     )
-    log = commanded(*rows, recipe=Recipe(changed={}))
-    *told, result = [line for _, line in telling(log, summary_of(log))]
+    *lines, result = [line for _, line in telling(log, summary_of(log))]
     assert result.startswith("RECOVERED ")
-    assert told == [
+    assert lines == [
         "commanded forward 0.30 m/s",
         "commanded backward 0.20 m/s, right 0.10 m/s",
         "push 0.60 m/s outward, left swing 25 %        F = 545 N for 0.10 s",
@@ -103,7 +104,7 @@ def test_tells_no_command_where_there_is_none_or_very_many():
 
 def standing_at_first(log):
     """The log of a robot that stood before it began to step, to recover."""
-    walking = signal(log, "walking_signal")
+    walking = signal_view(log, "walking_signal")
     stood = walking.phase == PHASES.index(Phase.STANDING)
     walking.mode[walking.mode == MODES.index(Mode.WALKING)] = MODES.index(
         Mode.RECOVERING
@@ -117,14 +118,14 @@ def test_tells_when_a_robot_that_stood_steps_and_stands_again():
     stands 0.8 s after them; without square feet it does not.
     """
     log = standing_at_first(make_log(Recipe(pushed_step=None, changed={})))
-    told = telling(log, summary_of(log))
-    assert told[0] == (pytest.approx(0.5), "steps, to recover")
-    assert told[1] == (pytest.approx(0.5 + 6.0 + 0.8), "stands")
-    assert told[2][1].startswith("WALKED 6 steps")
-    walking = signal(log, "walking_signal")
+    entries = telling(log, summary_of(log))
+    assert entries[0] == (pytest.approx(0.5), "steps, to recover")
+    assert entries[1] == (pytest.approx(0.5 + 6.0 + 0.8), "stands")
+    assert entries[2][1].startswith("WALKED 6 steps")
+    walking = signal_view(log, "walking_signal")
     walking.left_x[walking.steps_taken == 6.0] += 0.3
-    told = [line for _, line in telling(log, summary_of(log))]
-    assert "stands" not in told and "steps, to recover" in told
+    lines = [line for _, line in telling(log, summary_of(log))]
+    assert "stands" not in lines and "steps, to recover" in lines
 
 
 def test_the_steps_of_a_recovery_are_counted_until_it_has_recovered():

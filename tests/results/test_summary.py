@@ -8,7 +8,7 @@ import pytest
 from shapely import Polygon
 from shapely.affinity import rotate, translate
 
-from nadia_balance.results.log import signal
+from nadia_balance.results.log import signal_view
 from nadia_balance.results.measurements import StandsWatch
 from tests.results.made_up_run import MASS, Recipe, cut, make_log, summary_of
 
@@ -27,10 +27,10 @@ def test_is_strict_json_and_repeats_what_it_was_told(log):
 
     Of six steps, five landed after the push, each 4 mm from its target.
     """
-    told = {"direction_deg": 90.0, "delta_v": 0.6, "seed": 3}
+    conditions = {"direction_deg": 90.0, "delta_v": 0.6, "seed": 3}
     cpu_time = float(log["t"][-1]) / 2.5
-    summary = summary_of(log, cpu_time=cpu_time, **told)
-    assert {name: summary[name] for name in told} == told
+    summary = summary_of(log, cpu_time=cpu_time, **conditions)
+    assert {name: summary[name] for name in conditions} == conditions
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert (summary["recovered"], summary["reason"]) == (True, "")
     (push,) = summary["pushes"]
@@ -76,7 +76,7 @@ def test_posture_is_that_of_trunk_and_centre_of_mass(log):
     """Oracle: set by hand; the ground is where the lower sole is."""
     log["trunk_tilt"][100] = np.radians([30.0, 12.0])
     log["trunk_tilt"][200] = np.radians([20.0, 15.0])
-    com, feet = signal(log, "com_state"), signal(log, "foot_poses")
+    com, feet = signal_view(log, "com_state"), signal_view(log, "foot_poses")
     com.z[:], feet.left_z[:], feet.right_z[:] = 1.95, 1.0, 1.1
     com.z[300], feet.right_z[300] = 1.85, 0.98
     summary = summary_of(log)
@@ -122,18 +122,20 @@ def test_a_robot_stands_again_when_its_feet_are_square(
     log, x, yaw, heading, square
 ):
     """Oracle: by hand: 10 cm, 10 deg; the right foot from the left one's."""
-    walking = signal(log, "walking_signal")
+    walking = signal_view(log, "walking_signal")
     middle = heading + 0.5 * yaw
     walking.left[:] = np.array([[3.0], [-1.0], [heading]])
-    way = np.array([x * math.cos(middle), x * math.sin(middle)])
-    way += 0.3 * np.array([math.sin(middle), -math.cos(middle)])
+    offset = np.array([x * math.cos(middle), x * math.sin(middle)])
+    offset += 0.3 * np.array([math.sin(middle), -math.cos(middle)])
     turned = math.remainder(heading + yaw, math.tau)
-    walking.right[:] = np.array([[3.0 + way[0]], [-1.0 + way[1]], [turned]])
+    walking.right[:] = np.array(
+        [[3.0 + offset[0]], [-1.0 + offset[1]], [turned]]
+    )
     summary = summary_of(log)
     expected = "" if square else "it stands, but its feet are not side by side"
     assert summary["reason"].removeprefix("too short: ") == expected
     watch = StandsWatch()
-    now = signal(log, "walking_signal", -1)
+    now = signal_view(log, "walking_signal", -1)
     stood = [watch.look(t, now, 0.01, False) for t in (1.0, 1.2, 1.5)]
     assert stood == pytest.approx([0.0, 0.2, 0.5] if square else [0.0] * 3)
     assert watch.look(1.6, now, 0.06, False) == 0.0
@@ -151,7 +153,7 @@ def test_eight_steps_are_enough_to_tell_that_it_did_not_recover():
 
 def test_speed_of_the_swing_foot(log):
     """Oracle: a half circle of 0.2 m, in the first swing of 0.7 s."""
-    feet = signal(log, "foot_poses")
+    feet = signal_view(log, "foot_poses")
     feet[:] = 0.0
     first = int(np.flatnonzero(log["t"] > 0.8 - 1e-9)[0])
     share = np.linspace(0.0, 1.0, 351)
@@ -159,14 +161,14 @@ def test_speed_of_the_swing_foot(log):
     feet.right_x[first : first + 351] = 0.2 * (1.0 - np.cos(angle))
     feet.right_z[first : first + 351] = 0.2 * np.sin(angle)
     feet.right_x[first + 351 :] = 0.4
-    found = summary_of(log)["mean_swing_foot_speed"]
-    assert found == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
+    speed = summary_of(log)["mean_swing_foot_speed"]
+    assert speed == pytest.approx(np.pi * 0.2 / 0.7, rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_distance_of_the_soles_in_plan_view(log, seed):
     """Oracle: shapely; one foot far above the other does not pass it."""
-    rng, feet = np.random.default_rng(seed), signal(log, "foot_poses")
+    rng, feet = np.random.default_rng(seed), signal_view(log, "foot_poses")
     feet[:] = 0.0
     feet.right_y[:], feet.right_z[:] = -5.0, 0.2
     rows, least = rng.integers(len(log["t"]), size=6), math.inf
@@ -185,7 +187,7 @@ def test_distance_of_the_soles_in_plan_view(log, seed):
 
 def test_slip_is_the_stance_foots_way_during_its_step(log):
     """Oracle: the left foot slides by 3 mm while the right one swings."""
-    feet = signal(log, "foot_poses")
+    feet = signal_view(log, "foot_poses")
     feet[:] = 0.0
     swing = (log["t"] >= 0.8) & (log["t"] < 1.5)
     feet.left_x[swing] = np.linspace(0.0, 0.003, swing.sum())
@@ -196,8 +198,8 @@ def test_slip_is_the_stance_foots_way_during_its_step(log):
 
 def test_sums_up_both_qps(log):
     """Oracle: two failures, three fallbacks and a violation put in by hand."""
-    momentum = signal(log, "momentum_qp_status")
-    whole = signal(log, "whole_body_qp_status")
+    momentum = signal_view(log, "momentum_qp_status")
+    whole = signal_view(log, "whole_body_qp_status")
     whole.solved[[10, 20]] = 0.0
     whole.failures[10:] += 1
     whole.failures[20:] += 1
@@ -211,7 +213,7 @@ def test_sums_up_both_qps(log):
 
 
 @pytest.mark.parametrize(
-    ("rows", "told", "reason"),
+    ("rows", "conditions", "reason"),
     [
         # It lands at 2.77 and 3.77 s, after a push that ended at 2.076 s.
         (2000, SHORT, f"too short: {RESTLESS} for 2 whole steps"),
@@ -220,10 +222,10 @@ def test_sums_up_both_qps(log):
         (1200, {}, "too short: the run ended 0.32 s after the push"),
     ],
 )
-def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
+def test_a_run_that_is_too_short_is_undecided(log, rows, conditions, reason):
     """Oracle: the recipe; a fall is a fall, nevertheless."""
     short = cut(log, rows)
-    summary = summary_of(short, **told)
+    summary = summary_of(short, **conditions)
     assert (summary["outcome"], summary["recovered"]) == ("undecided", False)
     assert summary["reason"] == reason
     assert summary["recovery_time_s"] is None
@@ -232,7 +234,7 @@ def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
         ({"interrupted": True}, "interrupted"),
         ({"improper_contacts": ("A - B", "A - ground")}, "contact of A - B, A"),
     ):
-        summary = summary_of(short, **told, **failure)
+        summary = summary_of(short, **conditions, **failure)
         assert summary["outcome"] == "failed"
         assert summary["reason"].startswith(reason)
     assert summary["self_contacts"] == ["A - B"]
@@ -240,8 +242,8 @@ def test_a_run_that_is_too_short_is_undecided(log, rows, told, reason):
 
 def test_a_push_is_told_in_newton_seconds_and_joules(log):
     """Oracles: m dv; work and energy of a free mass that was at rest."""
-    com = signal(log, "com_state")
-    first = int(np.flatnonzero(signal(log, "push_signal").number)[0])
+    com = signal_view(log, "com_state")
+    first = int(np.flatnonzero(signal_view(log, "push_signal").number)[0])
     share = np.clip((np.arange(len(log["t"])) - first + 1) / 50, 0.0, 1.0)
     com.velocity[:] = 0.0
     com.vy[:] = 0.6 * share
@@ -255,7 +257,8 @@ def test_a_push_is_told_in_newton_seconds_and_joules(log):
 
 def test_sway_and_the_time_of_the_recovery(log):
     """Oracles: tan; the last row, put in by hand, with an error of 5 cm."""
-    com, feet = signal(log, "com_state"), signal(log, "walking_signal")
+    com = signal_view(log, "com_state")
+    feet = signal_view(log, "walking_signal")
     com.position[:] = 0.0
     com.z[:] = 0.9
     for foot in feet.left, feet.right:

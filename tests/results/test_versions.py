@@ -39,7 +39,7 @@ def test_versions_are_of_this_process():
     """Oracle: Python and the packages themselves."""
     import numpy
 
-    found = versions("mujoco")
-    assert found["numpy"] == numpy.__version__
-    assert {"python", "nadia_balance", "drake", "daqp", "mujoco"} <= {*found}
+    present = versions("mujoco")
+    assert present["numpy"] == numpy.__version__
+    assert {"python", "nadia_balance", "drake", "daqp", "mujoco"} <= {*present}
     assert versions("none")["none"] == "not installed"

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from nadia_balance.results.measurements import measure_estimate
+from nadia_balance.results.estimation import measure_estimate
 from nadia_balance.scripts import estimate
 from nadia_balance.scripts.estimate import FILES, SENSED
 from tests.diagrams.simulated import EARLY, simulated

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.diagrams import humanoid
 from nadia_balance.diagrams.simulation import closed_loop, simulate
-from nadia_balance.results import measurements
+from nadia_balance.results.estimation import lost_at, measure_estimate, nees
 from nadia_balance.systems.estimation import START, StateEstimator
 from tests import run_cache
 from tests import whole_body_examples as examples
@@ -99,12 +99,12 @@ def test_walks_by_its_sensors(engine, estimator, velocity):
     )
     assert not run.error
     assert run.fell_at is None
-    found = measurements.measure_estimate(run.logs)
+    found = measure_estimate(run.logs)
     assert found["rms_velocity_m_s"] < velocity
     assert found["max_tilt_deg"] < 0.8
     assert max(found["last_horizontal_m"], found["max_height_m"]) < 0.03
     assert found["mean_nees"] < 25.0
-    assert measurements.lost_at(run.logs) is None
+    assert lost_at(run.logs) is None
 
 
 class Misled(StateEstimator):
@@ -144,7 +144,7 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
     run = run_cache.once(__name__, runs.all_of(scenario, "humanoid"), misled)
     assert not run.error
     assert run.fell_at is None
-    found = measurements.measure_estimate(run.logs)
+    found = measure_estimate(run.logs)
     assert found["rms_velocity_m_s"] < 0.05
     feet = run.logs["foot_poses"].reshape(-1, 2, 4)
     loaded = run.logs["foot_forces"] > 0.3 * run.logs["weight"]
@@ -178,7 +178,7 @@ def test_a_run_ends_when_the_estimator_is_lost(monkeypatch):
     monkeypatch.setattr(StateEstimator, "told", lambda q, _: q + step)
     run = simulate(runs.diagram_of("{sensors: consumer}"), 1.0)
     assert run.simulated_time == pytest.approx(0.2, abs=PERIOD)
-    assert measurements.lost_at(run.logs) == pytest.approx(0.2)
+    assert lost_at(run.logs) == pytest.approx(0.2)
     assert (run.error, run.fell_at) == ("", None)
 
 
@@ -191,7 +191,7 @@ def test_a_filter_that_is_wrong_of_itself_is_lost():
     told[t >= 1.0, 6] = 0.1
     log = {"t": t, "state": state, "estimated_state": told}
     log["estimate_covariance"] = P
-    assert measurements.nees(log)[-1] == pytest.approx(100.0)
-    assert measurements.lost_at(log) == pytest.approx(1.2)
+    assert nees(log)[-1] == pytest.approx(100.0)
+    assert lost_at(log) == pytest.approx(1.2)
     told[t >= 1.15] = state[t >= 1.15]
-    assert measurements.lost_at(log) is None
+    assert lost_at(log) is None

@@ -24,16 +24,16 @@ def test_the_way_is_that_of_a_point_ahead(command):
     """Oracle: the robot's motion, integrated by 1,000 small steps."""
     forward, left, turn = command
     x, y, yaw, steps = 0.0, 0.0, 0.0, 1000
-    dt = aims.SHOWN / steps
+    dt = aims.HORIZON / steps
     for _ in range(steps):
         middle = yaw + 0.5 * turn * dt
         x += (forward * math.cos(middle) - left * math.sin(middle)) * dt
         y += (forward * math.sin(middle) + left * math.cos(middle)) * dt
         yaw += turn * dt
     ahead = aims.AHEAD * np.array([math.cos(yaw), math.sin(yaw)])
-    way = commanded_way(np.array(command))
-    assert way[0] == pytest.approx([aims.AHEAD, 0.0])
-    assert way[-1] == pytest.approx(ahead + [x, y], abs=1e-6)
+    points = commanded_way(np.array(command))
+    assert points[0] == pytest.approx([aims.AHEAD, 0.0])
+    assert points[-1] == pytest.approx(ahead + [x, y], abs=1e-6)
 
 
 def test_the_heading_is_between_the_feet_also_across_half_a_turn():

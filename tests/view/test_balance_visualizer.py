@@ -26,13 +26,26 @@ from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.steps import capture_region
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import (
+    Adjustment,
+    ContactSchedule,
+    FootPose,
+    FootPoses,
+    Footstep,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+)
 from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from nadia_balance.view import scene
-from nadia_balance.view.balance_visualizer import FOOTPRINTS, RADIUS
-from nadia_balance.view.balance_visualizer import BalanceVisualizer as View
+from nadia_balance.view.balance_visualizer import (
+    FOOTPRINTS,
+    RADIUS,
+    BalanceVisualizer,
+)
 from nadia_balance.view.scene import LINE
 from tests.blocks import asked
 from tests.core.body.test_ground import square
@@ -50,44 +63,47 @@ PARTS = (
 )
 
 
-def foot(step: int) -> tuple[walking.Side, walking.FootPose]:
+def foot(step: int) -> tuple[Side, FootPose]:
     """The foothold of this step; the even ones are left."""
-    side = walking.Side.LEFT if step % 2 == 0 else walking.Side.RIGHT
-    return side, walking.FootPose([step * STEP_LENGTH, 0.125 * side.sign, 0.0])
+    side = Side.LEFT if step % 2 == 0 else Side.RIGHT
+    return side, FootPose([step * STEP_LENGTH, 0.125 * side.sign, 0.0])
 
 
-def walking_state(time: float) -> walking.WalkingState:
+def walking_state(time: float) -> WalkingState:
     """A step a second; at time 0 the left foot has just landed."""
     taken = int(time)
     clock = time - taken
     side, landed = foot(taken)
-    feet = walking.FootPoses(landed, landed)
+    feet = FootPoses(landed, landed)
     feet = feet.with_foot(side.other, foot(taken - 1)[1])
     swings = clock >= TRANSFER
     next_ones = map(foot, range(taken + 1, taken + 5))
-    steps = [walking.Footstep(*one, TRANSFER, SWING) for one in next_ones]
-    schedule = walking.ContactSchedule(
-        walking.Phase.SWING if swings else walking.Phase.TRANSFER,
+    steps = [Footstep(*one, TRANSFER, SWING) for one in next_ones]
+    schedule = ContactSchedule(
+        Phase.SWING if swings else Phase.TRANSFER,
         side,
         SWING if swings else TRANSFER,
         feet,
         tuple(steps),
-        walking.ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
+        ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
     )
-    told = {"steps_taken": taken}
     if not swings:
-        return walking.WalkingState(schedule, clock, **told)
+        return WalkingState(schedule, clock, steps_taken=taken)
     clock -= TRANSFER
-    planned = nominal(taken + 1)
-    told["adjustment"] = walking.Adjustment(planned, steps[0].pose)
-    return walking.WalkingState(schedule, clock, clock, **told)
+    return WalkingState(
+        schedule,
+        clock,
+        clock,
+        steps_taken=taken,
+        adjustment=Adjustment(nominal(taken + 1), steps[0].pose),
+    )
 
 
-def nominal(step: int) -> walking.Footstep:
+def nominal(step: int) -> Footstep:
     """Where this step was to land: farther out."""
     side, pose = foot(step)
-    out = walking.FootPose(pose.p_WF + [0.0, 0.2 * side.sign, 0.0])
-    return walking.Footstep(side, out, TRANSFER, SWING)
+    out = FootPose(pose.p_WF + [0.0, 0.2 * side.sign, 0.0])
+    return Footstep(side, out, TRANSFER, SWING)
 
 
 def com(time: float) -> np.ndarray:
@@ -125,7 +141,7 @@ def write_imitation(path: Path) -> dict[float, CaptureRegions]:
     scene.add_robot_view(builder, scene_graph, meshcat)
     stones = [square(f"{n}", n * STEP_LENGTH, 0.13) for n in (2, 4)]
     ground = Ground(tuple(stones), SOLE)
-    visualizer = builder.AddSystem(View(meshcat, SOLE, ground))
+    visualizer = builder.AddSystem(BalanceVisualizer(meshcat, SOLE, ground))
     params = capture_region.CaptureRegionStepAdjusterParams()
     adjuster = CaptureRegionStepAdjuster(params, MODEL, period=0.002)
     builder.AddSystem(adjuster)
@@ -294,17 +310,17 @@ def test_the_overlay_moves_with_time(replay, time):
         f"footsteps/{footsteps[0].side.value}_0": footsteps[0].pose.p_WF,
         f"footsteps/{footsteps[2].side.value}_1": footsteps[2].pose.p_WF,
     }.items():
-        found = replay.position(f"overlay/{name}")
-        assert found == pytest.approx(np.array(expected), abs=1e-6), name
+        p_W = replay.position(f"overlay/{name}")
+        assert p_W == pytest.approx(np.array(expected), abs=1e-6), name
 
 
 def drawn(replay: Replay, name: str) -> tuple[Polygon, float]:
     """What is painted, in plan view, and how much of it twice [m^2]."""
-    found = replay.triangles(f"overlay/{name}")
-    turns = np.cross(*np.diff(found, axis=1).transpose(1, 0, 2))
+    painted = replay.triangles(f"overlay/{name}")
+    turns = np.cross(*np.diff(painted, axis=1).transpose(1, 0, 2))
     # The outline of an edge that is shorter than its width is folded.
     assert (turns[:, 2] > -2.0 * LINE**2).all(), "seen from above"
-    triangles = [Polygon(corners[:, :2]) for corners in found]
+    triangles = [Polygon(corners[:, :2]) for corners in painted]
     whole = union_all(triangles)
     return whole, sum(t.area for t in triangles) - whole.area
 
@@ -333,7 +349,7 @@ def test_regions_are_filled_up_to_a_circle_about_the_stance_foot(replay, time):
 def test_draws_nothing_that_is_not_connected_nor_of_a_run_before():
     """Oracle: Drake's own Meshcat, which packs false as 0xc2."""
     meshcat = scene.start_meshcat()[0]
-    visualizer = View(meshcat, SOLE)
+    visualizer = BalanceVisualizer(meshcat, SOLE)
     for time in 3.5, 7.5:
         context = asked(visualizer, walking_state=walking_state(time))
         visualizer.ExecuteInitializationEvents(context)

@@ -88,20 +88,20 @@ def test_a_new_run_keeps_the_sliders_and_hears_no_old_click():
 
 
 @pytest.mark.parametrize(
-    ("name", "least", "most"),
+    ("name", "low", "high"),
     [(FORWARD, -0.5, 0.9), (LEFT, -0.15, 0.15), (TURN, -0.9, 0.9)],
 )
-def test_sliders_go_as_far_as_the_robot_in_whole_steps(name, least, most):
+def test_sliders_go_as_far_as_the_robot_in_whole_steps(name, low, high):
     """Oracle: LIMITS, rounded to steps of 0.1, or of 0.05, towards 0."""
     meshcat, _ = polled()
-    assert meshcat.SetSliderValue(name, -9.0) == pytest.approx(least)
-    assert meshcat.SetSliderValue(name, 9.0) == pytest.approx(most)
+    assert meshcat.SetSliderValue(name, -9.0) == pytest.approx(low)
+    assert meshcat.SetSliderValue(name, 9.0) == pytest.approx(high)
     assert meshcat.SetSliderValue(name, 0.001) == 0.0
 
 
 def test_the_step_of_a_slider_is_fine_enough():
     """Oracle: by hand: three steps up to the limit, 0.1 at most."""
-    steps = [slider_step(most) for most in (2.0, 0.3, 0.299, 0.06, 0.001)]
+    steps = [slider_step(limit) for limit in (2.0, 0.3, 0.299, 0.06, 0.001)]
     assert steps == [0.1, 0.1, 0.05, 0.02, 0.005]
 
 

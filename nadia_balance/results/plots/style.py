@@ -1,0 +1,173 @@
+"""The common style of all plots: colours, axes, titles, polygons, arrows."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from nadia_balance import palette
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.state import Side
+
+TEXT = "#2f3440"
+FAINT = "#8a93a3"
+# By the keys of matplotlib.
+RC: dict[Any, Any] = {
+    "font.size": 9.0,
+    "text.color": TEXT,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": TEXT,
+    "axes.titlecolor": TEXT,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10.5,
+    "axes.titlepad": 5.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e7eaef",
+    "xtick.color": TEXT,
+    "ytick.color": TEXT,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "savefig.bbox": "tight",
+    "savefig.dpi": 130,
+    "savefig.pad_inches": 0.12,
+}
+
+_HEAD = "-|>,head_width=0.3,head_length=0.6"  # of arrows
+
+
+def plan_view(
+    ax: Axes, x: tuple[float, float], y: tuple[float, float], **more: Any
+) -> None:
+    """Makes axes a view from above.
+
+    Args:
+        ax: axes to change.
+        x: limits along x [m].
+        y: limits along y [m].
+        **more: other properties of the axes, such as the title.
+    """
+    ax.set(xlim=x, ylim=y, aspect="equal", **more)
+    ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
+
+
+def key(
+    fig: Figure, handles: Sequence[Artist], columns: int | None = None
+) -> None:
+    """Adds one legend for all axes below them.
+
+    Args:
+        fig: figure with a constrained layout.
+        handles: artists with a label.
+        columns: columns of the legend, by default all in one row.
+    """
+    fig.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=columns or max(len(handles), 1),
+    )
+
+
+def title(summary: dict[str, Any], name: str) -> str:
+    """Returns a title: name, robot, mechanisms, pushes and outcome of the run.
+
+    Args:
+        summary: summary of the run.
+        name: name of the plot.
+
+    Returns:
+        One line.
+    """
+    run = [summary["robot"], summary["mechanisms"]]
+    for push in summary["pushes"]:
+        run.append(
+            f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
+        )
+    if summary["fell_at"] is not None:
+        run.append(f"fell at {summary['fell_at']:.2f} s")
+    elif summary["pushes"]:
+        run.append(summary["outcome"].replace("failed", "not recovered"))
+    return f"{name}   ·   {', '.join(run)}"
+
+
+def fill(
+    ax: Axes,
+    polygon: Array,
+    color: str,
+    label: str | None = None,
+    alpha: float = 0.22,
+    **style: Any,
+) -> None:
+    """Draws a polygon with a transparent fill and an opaque edge.
+
+    Args:
+        ax: axes to draw in.
+        polygon: corners (n, 2) [m].
+        color: colour, written #rrggbb.
+        label: label in the legend, if any.
+        alpha: opacity of the fill.
+        **style: other properties, such as linestyle or zorder.
+    """
+    style.setdefault("edgecolor", color)
+    style.setdefault("linewidth", 1.4)
+    ax.add_patch(
+        Polygon(
+            polygon,
+            facecolor=(*palette.rgb(color), alpha),
+            label=label,
+            **style,
+        )
+    )
+
+
+def draw_sole(
+    ax: Axes, corners: Array, side: Side, alpha: float = 0.0, **style: Any
+) -> None:
+    """Draws a sole in the colour of its foot.
+
+    Args:
+        ax: axes to draw in.
+        corners: corners (n, 2) [m].
+        side: side of the foot.
+        alpha: opacity of the fill.
+        **style: other properties (see fill).
+    """
+    fill(ax, corners, palette.foot_color(side), alpha=alpha, **style)
+
+
+def arrow(
+    ax: Axes,
+    start: Array,
+    end: Array,
+    color: str,
+    width: float = 2.0,
+    style: str = _HEAD,
+) -> None:
+    """Draws an arrow.
+
+    Args:
+        ax: axes to draw in.
+        start: where it begins, (2,) [m].
+        end: where its tip is, (2,) [m].
+        color: colour, written #rrggbb.
+        width: width of its line, in points.
+        style: arrow style of matplotlib.
+    """
+    ax.annotate(
+        "",
+        xy=(end[0], end[1]),
+        xytext=(start[0], start[1]),
+        arrowprops={
+            "arrowstyle": style,
+            "color": color,
+            "linewidth": width,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+        zorder=5,
+    )
