@@ -95,8 +95,9 @@ class Protocol:
             if row.pop("scenario", scenario) == scenario:
                 direction = float(row.pop("direction"))
                 for mechanisms, value in row.items():
-                    curve = curves.setdefault(mechanisms, {})
-                    curve[direction] = float(value) * self.unit_speed
+                    curves.setdefault(mechanisms, {})[direction] = (
+                        float(value) * self.unit_speed
+                    )
         return curves
 
     def largest(self, mechanisms: str) -> dict[Cell, float]:
@@ -151,8 +152,8 @@ def protocol_of(robot: str, situation: Situation) -> Protocol | None:
     """
     scenario, at = situation
     for protocol in PROTOCOLS.values():
-        gaits = protocol.scenario_name.split(",")
-        if (protocol.robot, protocol.at) == (robot, at) and scenario in gaits:
+        is_same = (protocol.robot, protocol.at) == (robot, at)
+        if is_same and scenario in protocol.scenario_name.split(","):
             return protocol
     return None
 
@@ -230,8 +231,8 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         {cell[:2] for cell in groups},
         key=lambda one: (protocol_of(robot, one) is None, one),
     )
-    names = {cell.mechanisms for cell in groups}
-    mechanisms = [name for name in NAMED if name in names]
+    tried = {cell.mechanisms for cell in groups}
+    mechanisms = [name for name in NAMED if name in tried]
     directions = sorted({cell.direction_deg for cell in groups})
     records, assumptions = [], set()
     for situation in situations:
@@ -241,8 +242,9 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
             on = [replace(limit, on=NAMED[name]) for limit in limits]
             for direction in directions:
                 cell = Cell(*situation, name, direction)
-                trials = groups.get(cell, [])
-                records.append(_record(cell, rows.identity, trials, on))
+                records.append(
+                    _record(cell, rows.identity, groups.get(cell, []), on)
+                )
     return LimitTable(
         identity=rows.identity,
         situations=situations,
@@ -255,26 +257,28 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
 def _record(
     cell: Cell, identity: Identity, rows: list[Row], limits: Sequence[LipmLimit]
 ) -> Record:
-    known = limit(results_of(rows), SearchParams.of(identity))
+    recovery = limit(results_of(rows), SearchParams.of(identity))
     best = [
         row
         for row in rows
-        if row["delta_v"] == known.recovered and row["outcome"] == "recovered"
+        if row["delta_v"] == recovery.recovered
+        and row["outcome"] == "recovered"
     ]
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
     record: Record = {
         **cell._asdict(),
         "trials": len(rows),
-        **known._asdict(),
+        **recovery._asdict(),
         **dict.fromkeys(OTHERS),
         "paper": paper.get(cell.mechanisms, {}).get(cell.direction_deg),
     }
     for name, one in zip(OTHERS[1:], limits, strict=False):
         record[name] = one.largest_push(cell.direction_deg)
     for name in WORST:
-        values = [row[name] for row in best if row[name] is not None]
-        record[name] = max(values, default=None)
+        record[name] = max(
+            (row[name] for row in best if row[name] is not None), default=None
+        )
     return record
 
 
@@ -312,8 +316,11 @@ def limits_of(
     )
     params = scenario.controller
     with_hips = replace(limit, kappa=params.balance.max_kappa)
-    falling = replace(with_hips, fall=params.com_height.max_velocity)
-    return limit, with_hips, falling
+    return (
+        limit,
+        with_hips,
+        replace(with_hips, fall=params.com_height.max_velocity),
+    )
 
 
 def _on_level_ground(scenario: Scenario, robot: RobotModel) -> Scenario:
@@ -349,12 +356,12 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     for cell in sweep.cells():
         situation = cell[:2]
         if situation not in limits:
-            scenario = sweep.scenarios[cell.scenario]
-            limits[situation] = limits_of(scenario, situation)
+            limits[situation] = limits_of(
+                sweep.scenarios[cell.scenario], situation
+            )
         first[cell] = BEGIN_STANDING * speed
         if limits[situation]:
-            with_hips = limits[situation][1]
-            limit = replace(with_hips, on=NAMED[cell.mechanisms])
+            limit = replace(limits[situation][1], on=NAMED[cell.mechanisms])
             first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 

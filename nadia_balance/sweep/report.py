@@ -167,8 +167,8 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    names = map(limits.title, limits.mechanisms)
-    return kind[1], table(["direction", *names], lines)
+    head = ["direction", *map(limits.title, limits.mechanisms)]
+    return kind[1], table(head, lines)
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:
@@ -181,8 +181,8 @@ def _mean(records: Sequence[Record], kind: Kind) -> str:
     ]
     if not values:
         return "–"
-    unsure = mark(records) if name == "recovered" else ""
-    return f"{unsure}{fmean(values):.{digits}f}"
+    text = f"{fmean(values):.{digits}f}"
+    return mark(records) + text if name == "recovered" else text
 
 
 def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -212,8 +212,8 @@ def mark(records: Iterable[Record]) -> str:
     Returns:
         `~` if a search has not ended, or knows no push that failed.
     """
-    sure = all(r["complete"] and r["failed"] is not None for r in records)
-    return "" if sure else "~"
+    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
+    return "" if is_sure else "~"
 
 
 def draw_envelope(limits: LimitTable) -> Figure:
@@ -225,9 +225,8 @@ def draw_envelope(limits: LimitTable) -> Figure:
     Returns:
         The picture.
     """
-    count = len(limits.situations)
-    columns = min(count, _COLUMNS)
-    rows = math.ceil(count / columns)
+    columns = min(len(limits.situations), _COLUMNS)
+    rows = math.ceil(len(limits.situations) / columns)
     fig = Figure(
         figsize=(columns * _PANEL + _KEY, rows * _PANEL + 0.4),
         layout="constrained",
@@ -256,8 +255,11 @@ def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
     eighths = all(r["direction_deg"] % 45.0 == 0.0 for r in limits.records)
     angles = np.arange(0.0, 360.0, 45.0 if eighths else 30.0)
     ax.set_theta_zero_location("N")
-    words = [WORDS.get(angle, f"{angle:g}°") for angle in angles]
-    ax.set_thetagrids(angles, words, color=TEXT)
+    ax.set_thetagrids(
+        angles,
+        [WORDS.get(angle, f"{angle:g}°") for angle in angles],
+        color=TEXT,
+    )
     ax.yaxis.set_major_formatter(lambda ring, _: f"{ring:g} m/s")
     ax.tick_params(axis="y", labelcolor=FAINT, labelsize=8.5)
     ax.set_rlabel_position(105.0)

@@ -165,7 +165,7 @@ def _rows_of(future: "futures.Future[list[Row]]") -> list[Row]:
 
 
 def search(
-    sweep: Sweep, identity: Identity, cell: Cell, known: Results
+    sweep: Sweep, identity: Identity, cell: Cell, earlier: Results
 ) -> list[Row]:
     """Makes the trials that the search of a cell needs.
 
@@ -175,8 +175,8 @@ def search(
         sweep: the search and its parameters.
         identity: what all trials share, see Sweep.identity.
         cell: whose limit is searched.
-        known: results of earlier trials, which are not made again; those of the
-            new ones are added.
+        earlier: results of trials that are not made again; those of the new
+            ones are added.
 
     Returns:
         The rows of the new trials.
@@ -194,10 +194,10 @@ def search(
     rows = []
     while batch := sweep.attempts(cell, results):
         for attempt in batch:
-            if attempt not in known:
+            if attempt not in earlier:
                 rows.append(run_trial(sweep, cell, *attempt))
-                known |= results_of(rows[-1:])
-            results[attempt] = known[attempt]
+                earlier |= results_of(rows[-1:])
+            results[attempt] = earlier[attempt]
     return rows
 
 
@@ -226,8 +226,10 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
         push = simulation.pushed(diagram, walked, delta_v, cell.direction_deg)
         verdict = _ended(diagram, push, run)
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        verdict = {"outcome": "error", "reason": reason}
+        verdict = {
+            "outcome": "error",
+            "reason": f"{type(error).__name__}: {error}",
+        }
     return {
         **cell._asdict(),
         "delta_v": delta_v,
@@ -242,8 +244,9 @@ def _walked(
     text: str, plant: str, controller: str, thread: int
 ) -> tuple[ClosedLoop, Context, Run]:
     """Diagram, Context and Run at the push; threads do not share diagrams."""
-    scenario = load_typed(Scenario, "walk", data=text)
-    diagram = simulation.closed_loop(scenario, plant, controller)
+    diagram = simulation.closed_loop(
+        load_typed(Scenario, "walk", data=text), plant, controller
+    )
     return diagram, *simulation.walk_to_push(diagram)
 
 
