@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from pydrake.multibody.tree import PdControllerGains
@@ -38,35 +39,71 @@ ROUNDS, TICKS = 10, 500  # rounds of plant and loop; ticks one by one
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv` and returns 0; bad input exits."""
-    codes = "0 done, 2 bad input, 4 the record cannot be written, 130 Ctrl-C."
-    parser = command_line.CommandLine(__file__, __doc__, codes)
-    add = parser.add_argument
-    add("--scenario_name", default="walk_in_place", help="default: %(default)s")
-    add("--scenario_text", help="YAML that overrides single fields")
-    add("--mechanisms", help=command_line.MECHANISMS)
-    add("--seconds", default=5.0, type=command_line.finite, help="[s] (5)")
-    add("--json", action="store_true", help="print JSON")
-    where = {"nargs": "?", "const": Path("docs/results/speed.csv")}
-    about = "add a row to a CSV (without a path: %(const)s)"
-    add("--record", **where, type=command_line.place, help=about)
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        0; bad input exits.
+    """
+    parser = _parser()
     args = parser.parse_args(argv)
     with parser.refusing():
-        given = {"text": args.scenario_text, "mechanisms": args.mechanisms}
-        scenario = load_scenario(args.scenario_name, **given)
+        scenario = load_scenario(
+            args.scenario_name,
+            text=args.scenario_text,
+            mechanisms=args.mechanisms,
+        )
         if not 0.0 < args.seconds <= LONGEST:
-            why = f"must be in (0, {LONGEST}]"
-            raise ValueError(f"seconds = {args.seconds}: {why}")
+            parser.error(f"seconds = {args.seconds}: must be in (0, {LONGEST}]")
     figures = measure(scenario, args.seconds)
-    lines = [f"{name:26} {value:8.2f}" for name, value in figures.items()]
-    command_line.say(*([json.dumps(figures, indent=2)] if args.json else lines))
+    if args.json:
+        command_line.say(json.dumps(figures, indent=2))
+    else:
+        command_line.say(*(f"{n:26} {x:8.2f}" for n, x in figures.items()))
     if args.record is not None:
         record(args.record, scenario, figures)
     return command_line.DONE
 
 
+def _parser() -> command_line.CommandLine:
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 done, 2 bad input, 4 the record cannot be written, 130 Ctrl-C.",
+    )
+    parser.add_argument(
+        "--scenario_name", default="walk_in_place", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--scenario_text", help="YAML that overrides single fields"
+    )
+    parser.add_argument("--mechanisms", help=command_line.MECHANISMS)
+    parser.add_argument(
+        "--seconds", default=5.0, type=command_line.finite, help="[s] (5)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument(
+        "--record",
+        nargs="?",
+        const=Path("docs/results/speed.csv"),
+        type=command_line.place,
+        help="add a row to a CSV (without a path: %(const)s)",
+    )
+    return parser
+
+
 def measure(scenario: Scenario, seconds: float) -> dict[str, float]:
-    """All measurements by name: ratios, and times of a tick [us]."""
+    """Measures plant and loop in turns, then single ticks.
+
+    Args:
+        scenario: of the loop.
+        seconds: simulated time of the loop after START [s].
+
+    Returns:
+        All measurements by name: ratios, and times of a tick [us].
+    """
     plant, loop = plant_alone(scenario), start(HumanoidDiagram(scenario))
     rates = []
     for end in np.linspace(START, START + seconds, ROUNDS + 1):
@@ -88,7 +125,14 @@ def measure(scenario: Scenario, seconds: float) -> dict[str, float]:
 
 
 def plant_alone(scenario: Scenario) -> Simulator:
-    """The same robot and plant, on flat ground, with Drake's joint control."""
+    """The same robot and plant, on flat ground, with Drake's joint control.
+
+    Args:
+        scenario: with the robot and the time step.
+
+    Returns:
+        Its simulation, at the start.
+    """
     builder = DiagramBuilder()
     robot = load_robot(scenario.robot, scenario.fidelity)
     plant, _ = robot.add_plant_to(builder, scenario.time_step)
@@ -105,7 +149,15 @@ def plant_alone(scenario: Scenario) -> Simulator:
 
 
 def real_time_factor(simulator: Simulator, end: float) -> float:
-    """Simulated seconds per second of processor time until `end` [s]."""
+    """Simulates, and measures the processor time of it.
+
+    Args:
+        simulator: goes on until `end`.
+        end: simulated time [s].
+
+    Returns:
+        Simulated seconds per second of processor time.
+    """
     simulated = end - simulator.get_context().get_time()
     begin = time.thread_time()
     simulator.AdvanceTo(end)
@@ -115,11 +167,18 @@ def real_time_factor(simulator: Simulator, end: float) -> float:
 def tick_times(
     loop: Simulator, plant: Simulator, ticks: int
 ) -> tuple[float, list[float]]:
-    """Measures the next `ticks` of the `loop`, one by one.
+    """Measures ticks of the loop, one by one, and the plant after each.
 
-    Returns the `plant`'s real-time factor, and the controller's times [s].
+    Args:
+        loop: of a HumanoidDiagram.
+        plant: the plant alone.
+        ticks: number of ticks.
+
+    Returns:
+        The plant's real-time factor, and the controller's times [s].
     """
-    diagram, root = loop.get_system(), loop.get_mutable_context()
+    diagram = cast(HumanoidDiagram, loop.get_system())
+    root = loop.get_mutable_context()
     period = diagram.scenario.controller.control_period
     controller, rates, times = Simulator(diagram.controller), [], []
     first = round(root.get_time() / period)
@@ -131,10 +190,17 @@ def tick_times(
 
 
 def tick_time(simulator: Simulator, root: Context) -> float:
-    """Processor time [s] of the tick of a system that is due in `root`.
+    """Measures the tick of a system that is due.
 
-    The `simulator` of the system has a context of its own, to which state and
-    inputs are copied, so that no result is cached.
+    State and inputs are copied to the context of a simulator, so that no result
+    is cached.
+
+    Args:
+        simulator: of the system alone.
+        root: Context of a diagram in which the system's tick is due.
+
+    Returns:
+        Processor time [s].
     """
     system, context = simulator.get_system(), simulator.get_mutable_context()
     source = system.GetMyContextFromRoot(root)
@@ -150,12 +216,21 @@ def tick_time(simulator: Simulator, root: Context) -> float:
 
 
 def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
-    """Adds a row with versions, machine and `figures` to CSV `path`."""
-    found = versions()
+    """Adds a row with versions, machine and measurements to a CSV.
+
+    Args:
+        path: of the CSV, which is begun if need be.
+        scenario: that was measured.
+        figures: as `measure` returns them.
+    """
+    packages = versions()
     row = {
         "commit": _commit(),
         "machine": _machine(),
-        **{name: found[name] for name in ("python", "drake", "daqp", "numpy")},
+        "python": packages["python"],
+        "drake": packages["drake"],
+        "daqp": packages["daqp"],
+        "numpy": packages["numpy"],
         "robot": scenario.robot,
         "mechanisms": scenario.mechanisms,
         **{name: f"{value:.4g}" for name, value in figures.items()},
@@ -170,10 +245,13 @@ def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
 
 def _commit() -> str:
     """The commit of the checkout, with a + if files have been changed."""
-    command = "git describe --always --dirty=+ --exclude=*".split()
-    here = {"cwd": Path(__file__).parent, "stderr": subprocess.DEVNULL}
     with contextlib.suppress(OSError, subprocess.CalledProcessError):
-        return subprocess.check_output(command, text=True, **here).strip()
+        return subprocess.check_output(
+            ["git", "describe", "--always", "--dirty=+", "--exclude=*"],
+            cwd=Path(__file__).parent,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        ).strip()
     return "unknown"
 
 

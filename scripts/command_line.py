@@ -13,19 +13,21 @@ import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, cast
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams import closed_loop, live, simulation, terrain
+from nadia_balance.diagrams import live, simulation, terrain
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import (
     SENSORS,
     Command,
     Scenario,
     load_scenario,
 )
+from nadia_balance.diagrams.verdict import RecoveryWatch
 from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
@@ -47,24 +49,27 @@ EXIT_CODES = (
 
 MECHANISMS = f"to recover by: {', '.join(NAMED)}"  # help of --mechanisms
 
-# Flags that have no effect with --live.
-_NOT_LIVE = """no_meshcat out hold duration command direction delta_v at shape
-    random controller""".split()
-
 
 def program(main: Callable[..., int]) -> Callable[..., int]:
     """Makes the `main` of a script end without a traceback, by its exit code.
 
     Ctrl-C and SIGTERM give the exit code 130.  An OSError, such as a failed
     write, is reported in one line, with exit code 4.  A closed pipe is ignored.
+
+    Args:
+        main: takes the command line, or None; returns the exit code.
+
+    Returns:
+        The same, decorated.
     """
 
     @functools.wraps(main)
     def run(argv: list[str] | None = None) -> int:
         try:
             # Unless they are ignored, or Python's own handler raises it.
-            raises = signal.default_int_handler, signal.SIG_DFL
-            with simulation.at_ctrl_c(*raises):
+            with simulation.at_ctrl_c(
+                signal.default_int_handler, usual=signal.SIG_DFL
+            ):
                 return main(argv)
         except KeyboardInterrupt:
             return INTERRUPTED
@@ -78,12 +83,21 @@ def program(main: Callable[..., int]) -> Callable[..., int]:
 
 
 def say(*lines: str) -> None:
-    """Prints the lines; ignores a closed pipe."""
+    """Prints lines; ignores a closed pipe.
+
+    Args:
+        *lines: what is printed.
+    """
     _print(sys.stdout, lines)
 
 
 def complain(name: str, error: Exception) -> None:
-    """Prints the error on one line of stderr, after the program's `name`."""
+    """Prints an error on one line of stderr.
+
+    Args:
+        name: of the program.
+        error: what was wrong.
+    """
     _print(sys.stderr, [f"{name}: {' '.join(str(error).split())}"])
 
 
@@ -96,11 +110,21 @@ def _print(stream: TextIO | None, lines: Sequence[str]) -> None:
     except OSError:  # a closed pipe, a full disk
         # Without this, Python flushes again at its exit and prints an error.
         with open(os.devnull, "w") as nowhere:
-            os.dup2(nowhere.fileno(), stream.fileno())
+            os.dup2(nowhere.fileno(), cast(TextIO, stream).fileno())
 
 
 def finite(text: str) -> float:
-    """Parses a finite number, for argparse."""
+    """Parses a finite number.
+
+    Args:
+        text: of a flag.
+
+    Returns:
+        The number.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
     with contextlib.suppress(ValueError):
         value = float(text)
         if math.isfinite(value) and text.isascii() and "_" not in text:
@@ -109,16 +133,37 @@ def finite(text: str) -> float:
 
 
 def velocity(text: str) -> tuple[float, ...]:
-    """Parses a velocity command: three numbers, for argparse."""
+    """Parses a velocity command.
+
+    Args:
+        text: of a flag, three numbers.
+
+    Returns:
+        Velocities forward, left [m/s] and of turning [rad/s].
+
+    Raises:
+        ArgumentTypeError: these are not three finite numbers.
+    """
     numbers = tuple(finite(word) for word in text.replace(",", " ").split())
     if len(numbers) != 3:
-        why = "must be forward, left [m/s] and turn [rad/s]"
-        raise argparse.ArgumentTypeError(f"{text!r}: {why}")
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: must be forward, left [m/s] and turn [rad/s]"
+        )
     return numbers
 
 
 def place(text: str) -> Path:
-    """Parses a path; refuses an empty one, which is the present folder."""
+    """Parses a path; refuses an empty one, which is the present folder.
+
+    Args:
+        text: of a flag.
+
+    Returns:
+        The path.
+
+    Raises:
+        ArgumentTypeError: it is none.
+    """
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError(f"{text!r}: must be a path")
     return Path(text)
@@ -127,103 +172,229 @@ def place(text: str) -> Path:
 class CommandLine(argparse.ArgumentParser):
     """An ArgumentParser that reports errors on one line."""
 
-    def __init__(self, file: str, about: str, codes: str, **more):
-        """Builds the parser of the program in `file`.
+    def __init__(self, file: str, about: str | None, codes: str, **more: Any):
+        """Builds the parser of a program.
 
-        Its help has `about`, of which only the first line unless `more` has a
-        formatter, and the exit `codes`.
+        Args:
+            file: of the program, which is called by its name.
+            about: its docstring, of which the help has only the first line
+                unless `more` has a formatter.
+            codes: the exit codes, for the help.
+            **more: arguments of ArgumentParser.
         """
-        about = about if more else about.partition("\n")[0]
-        name, codes = Path(file).name, f"Exit code: {codes}" * bool(codes)
-        super().__init__(name, description=about, epilog=codes, **more)
+        super().__init__(
+            Path(file).name,
+            description=about if more else (about or "").partition("\n")[0],
+            epilog=f"Exit code: {codes}" if codes else "",
+            **more,
+        )
+        self._not_live: list[argparse.Action] = []
 
-    def parse_args(self, args=None, namespace=None):
-        """Refuses --flag=-- (an empty list), and a folder that is gone."""
-        found = super().parse_args(args, namespace)
+    def not_with_live(self, flag: argparse.Action) -> None:
+        """Marks a flag that has no effect with --live.
+
+        Args:
+            flag: as `add_argument` returns it.
+        """
+        self._not_live.append(flag)
+
+    def refuse_with_live(self, args: argparse.Namespace) -> None:
+        """Refuses the flags that have no effect with --live.
+
+        Args:
+            args: what was parsed.
+
+        Raises:
+            ValueError: such a flag was given.
+        """
+        for flag in self._not_live:
+            value = getattr(args, flag.dest)
+            if value != flag.default:
+                raise ValueError(
+                    f"{flag.dest} = {value}: must not come with --live"
+                )
+
+    def parse_args(  # type: ignore[override]
+        self,
+        args: Sequence[str] | None = None,
+        namespace: argparse.Namespace | None = None,
+    ) -> argparse.Namespace:
+        """Refuses --flag=-- (an empty list), and a folder that is gone.
+
+        Args:
+            args: the words; None: those of the process.
+            namespace: as of ArgumentParser.
+
+        Returns:
+            The values of the flags.
+        """
+        parsed = super().parse_args(args, namespace)
         try:
             os.getcwd()
         except OSError:
             self.error("present folder: must exist")
-        for name, value in vars(found).items():
+        for name, value in vars(parsed).items():
             if value == []:
                 self.error(f"argument --{name}: must have a value")
-        return found
+        return parsed
 
     def error(self, message: str) -> NoReturn:
-        """Prints the error and exits."""
+        """Prints an error and exits.
+
+        Args:
+            message: without the program's name.
+        """
         complain(self.prog, ValueError(message))
         self.exit(BAD_INPUT)
 
     @contextlib.contextmanager
     def refusing(self) -> Iterator[None]:
-        """Reports a ValueError or OSError of its block as bad input; exits."""
+        """Reports a ValueError or OSError of its block as bad input; exits.
+
+        Yields:
+            Nothing.
+        """
         try:
             yield
         except (ValueError, OSError) as error:
             self.error(str(error))
 
 
-def scenario_flags(parser: argparse.ArgumentParser, name: str | None) -> None:
+def scenario_flags(parser: CommandLine, name: str | None) -> None:
     """Adds the flags that choose and change the scenario, or the controller.
 
-    `name` is what its help calls the default; None: the flag is required.
+    Args:
+        parser: of the program.
+        name: what its help calls the default; None: the flag is required.
     """
-    add = parser.add_argument_group("scenario").add_argument
-    default = f" (default: {name})" if name else ""
-    add("--scenario_file", type=place, help="YAML with named scenarios")
-    about = f"one of the package, or of --scenario_file{default}"
-    add("--scenario_name", required=not name, help=about)
-    add("--scenario_text", help="YAML that overrides single fields")
-    add("--robot", help="a model's name, or a robot.yaml")
-    about = "realistic, or ideal: drives and feet as fast as need be"
-    add("--fidelity", help=about)
-    add("--engine", help="drake, or mujoco: what moves the robot")
-    about = "whether it is given the state, or estimates it from noisy sensors"
-    add("--sensors", help=f"{', '.join(SENSORS)}: {about}")
-    add("--mechanisms", help=MECHANISMS)
-    about = "walk at this velocity, in the place of any steps: forward, left "
-    about += '[m/s], turn [rad/s], such as "0.3 0 0.2"'
-    add("--command", type=velocity, metavar="V", help=about)
-    about = "push.py takes the scenario of this name, if there is one"
-    places = ", ".join((terrain.FLAT, *terrain.COURSES))
-    add("--terrain", help=f"{places}, or a YAML file of regions; {about}")
-    add("--duration", type=finite, help="[s]")
-    add("--seed", type=int, help="of the noise, the biases, 10 um of the start")
-    which = {"choices": ("humanoid", "lipm"), "default": "humanoid"}
-    about = "the robot, or the point mass it stands for"
-    add("--plant", **which, help=about)
-    about = "file of a learned policy that walks instead (docs/policy.md)"
-    add("--controller", type=place, metavar="ONNX", help=about)
+    group = parser.add_argument_group("scenario")
+    group.add_argument(
+        "--scenario_file", type=place, help="YAML with named scenarios"
+    )
+    group.add_argument(
+        "--scenario_name",
+        required=not name,
+        help="one of the package, or of --scenario_file"
+        + (f" (default: {name})" if name else ""),
+    )
+    group.add_argument(
+        "--scenario_text", help="YAML that overrides single fields"
+    )
+    group.add_argument("--robot", help="a model's name, or a robot.yaml")
+    group.add_argument(
+        "--fidelity",
+        help="realistic, or ideal: drives and feet as fast as need be",
+    )
+    group.add_argument(
+        "--engine", help="drake, or mujoco: what moves the robot"
+    )
+    group.add_argument(
+        "--sensors",
+        help=f"{', '.join(SENSORS)}: whether it is given the state, or "
+        "estimates it from noisy sensors",
+    )
+    group.add_argument("--mechanisms", help=MECHANISMS)
+    parser.not_with_live(
+        group.add_argument(
+            "--command",
+            type=velocity,
+            metavar="V",
+            help="walk at this velocity, in the place of any steps: forward, "
+            'left [m/s], turn [rad/s], such as "0.3 0 0.2"',
+        )
+    )
+    group.add_argument(
+        "--terrain",
+        help=f"{', '.join((terrain.FLAT, *terrain.COURSES))}, or a YAML file "
+        "of regions; push.py takes the scenario of this name, if there is one",
+    )
+    parser.not_with_live(
+        group.add_argument("--duration", type=finite, help="[s]")
+    )
+    group.add_argument(
+        "--seed", type=int, help="of the noise, the biases, 10 um of the start"
+    )
+    group.add_argument(
+        "--plant",
+        choices=("humanoid", "lipm"),
+        default="humanoid",
+        help="the robot, or the point mass it stands for",
+    )
+    parser.not_with_live(
+        group.add_argument(
+            "--controller",
+            type=place,
+            metavar="ONNX",
+            help="file of a learned policy that walks instead (docs/policy.md)",
+        )
+    )
 
 
-def _output_flags(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument_group("output").add_argument
-    about = "folder for the results (default: runs/<date>_<time>_<scenario>)"
-    add("--out", type=place, help=about)
-    add("--no-meshcat", action="store_true", help="and no replay.html")
-    add("--port", type=int, help="of Meshcat, from 7000 on")
-    add("--open", action="store_true", help="show Meshcat in a browser")
-    add("--hold", action="store_true", help="keep Meshcat until Enter")
-    about = "stand until it is told to walk, or pushed, in the page of a "
-    about += "browser; writes nothing"
-    add("--live", action="store_true", help=about)
+def _output_flags(parser: CommandLine) -> None:
+    group = parser.add_argument_group("output")
+    parser.not_with_live(
+        group.add_argument(
+            "--out",
+            type=place,
+            help="folder for the results (default: "
+            "runs/<date>_<time>_<scenario>)",
+        )
+    )
+    parser.not_with_live(
+        group.add_argument(
+            "--no-meshcat", action="store_true", help="and no replay.html"
+        )
+    )
+    group.add_argument("--port", type=int, help="of Meshcat, from 7000 on")
+    group.add_argument(
+        "--open", action="store_true", help="show Meshcat in a browser"
+    )
+    parser.not_with_live(
+        group.add_argument(
+            "--hold", action="store_true", help="keep Meshcat until Enter"
+        )
+    )
+    group.add_argument(
+        "--live",
+        action="store_true",
+        help="stand until it is told to walk, or pushed, in the page of a "
+        "browser; writes nothing",
+    )
 
 
 def scenario_from(args: argparse.Namespace) -> Scenario:
-    """Returns the checked scenario of the flags."""
-    same = "robot fidelity engine sensors mechanisms duration seed".split()
-    changes = {name: getattr(args, name) for name in same}
-    file, text = args.scenario_file, args.scenario_text
-    scenario = load_scenario(args.scenario_name, file, text, **changes)
+    """The checked scenario of the flags.
+
+    Args:
+        args: those of scenario_flags.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        ValueError: a flag is invalid; it is named.
+    """
+    scenario = load_scenario(
+        args.scenario_name,
+        args.scenario_file,
+        args.scenario_text,
+        robot=args.robot,
+        fidelity=args.fidelity,
+        engine=args.engine,
+        sensors=args.sensors,
+        mechanisms=args.mechanisms,
+        duration=args.duration,
+        seed=args.seed,
+    )
     if args.command is not None:
         scenario = _walking_by(args.command, scenario)
     if scenario.robot.endswith((".yaml", ".yml")):
         # It may be read again, or simulated, in another folder.
-        robot = str(Path(scenario.robot).resolve())
-        scenario = scenario.changed(robot=robot)
+        scenario = scenario.changed(robot=str(Path(scenario.robot).resolve()))
     if args.terrain is not None:
-        named = replace(scenario.terrain, name=args.terrain)
-        scenario = scenario.changed(terrain=named)
+        scenario = scenario.changed(
+            terrain=replace(scenario.terrain, name=args.terrain)
+        )
     return scenario
 
 
@@ -234,48 +405,65 @@ def _walking_by(velocity: Sequence[float], scenario: Scenario) -> Scenario:
     """
     for name in ("num_steps", "steps", "footholds"):
         if scenario.sources.get(f"gait.{name}") == "scenario_text":
-            value = getattr(scenario.gait, name)
             raise ValueError(
-                f"gait.{name} = {value!r}: must not come with commands"
+                f"gait.{name} = {getattr(scenario.gait, name)!r}: must not "
+                "come with commands"
             )
     forward, left, turn = velocity
-    command = Command(forward=forward, left=left, turn=turn)
-    return scenario.walking_by(command)
+    return scenario.walking_by(Command(forward=forward, left=left, turn=turn))
 
 
-def main_job(parser: CommandLine, argv, make_scenario: Callable) -> int:
-    """Parses, simulates, prints and writes; returns the exit code.
+def main_job(
+    parser: CommandLine,
+    argv: list[str] | None,
+    make_scenario: Callable[[argparse.Namespace], Scenario],
+) -> int:
+    """Parses, simulates, prints and writes.
 
-    `make_scenario` returns the Scenario of the parsed `argv`.
+    Args:
+        parser: with the flags of the scenario; those of the output are added.
+        argv: the command line; None: that of the process.
+        make_scenario: returns the scenario of the parsed flags; a ValueError
+            of it is bad input.
+
+    Returns:
+        The exit code.
     """
     _output_flags(parser)
     args = parser.parse_args(argv)
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stack:
         with parser.refusing():
-            shown = _shows_meshcat(args)
+            is_shown = _shows_meshcat(parser, args)
             scenario = make_scenario(args)
             if args.live:
                 scenario = live.endless(scenario)
-            meshcat = _meshcat(args.port) if shown else None
-            system = args.plant, policy_of(args), meshcat
-            diagram = simulation.closed_loop(scenario, *system)
+            meshcat = _meshcat(args.port) if is_shown else None
+            diagram = simulation.closed_loop(
+                scenario, args.plant, policy_of(args), meshcat
+            )
             if not args.live:
                 simulator = simulation.start(diagram)
-                folder = new_folder(args.out, args.scenario_name, pages.FILES)
-                folder = held.enter_context(folder)
+                folder = stack.enter_context(
+                    new_folder(args.out, args.scenario_name, pages.FILES)
+                )
         say(*(f"robot: {remark}" for remark in diagram.remarks()))
         if args.live:
-            return _live(diagram, meshcat, args)
+            return _live(diagram, cast(Meshcat, meshcat), args)
         return _run(simulator, meshcat, folder, args)
 
 
-def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
+def _run(
+    simulator: Simulator,
+    meshcat: Meshcat | None,
+    folder: Path,
+    args: argparse.Namespace,
+) -> int:
     """Simulates, by chapters, prints and writes; returns the exit code."""
-    diagram = simulator.get_system()
+    diagram = cast(ClosedLoop, simulator.get_system())
     scenario = diagram.scenario
     if meshcat is not None and args.open:
         webbrowser.open(meshcat.web_url())
-    watch = simulation.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
+    watch = RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
     end = 0.0
     while True:
         if meshcat is not None:
@@ -287,45 +475,59 @@ def _run(simulator: Simulator, meshcat, folder: Path, args) -> int:
             break
         say(f"t={end:.0f} s  {chapter_words(summary)}")
         diagram.forget_logs(simulator.get_mutable_context())
-    text = scenario.as_yaml(args.scenario_name)
     try:
-        written = pages.write_run(folder, run.logs, summary, text, meshcat)
+        files = pages.write_run(
+            folder,
+            run.logs,
+            summary,
+            scenario.as_yaml(args.scenario_name),
+            meshcat,
+        )
     finally:
         say(*telling_lines(run.logs, summary))
-    say(f"wrote {folder}/{{{', '.join(written)}}}")
-    if args.hold:
+    say(f"wrote {folder}/{{{', '.join(files)}}}")
+    if meshcat is not None and args.hold:
         _hold(meshcat)
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
 
 
 def policy_of(args: argparse.Namespace) -> str:
-    """Returns the file of the learned policy, or "" for our controller.
+    """The file of the learned policy, or "" for our controller.
 
-    Raises ValueError: a flag is of our own controller only.
+    Args:
+        args: those of scenario_flags.
+
+    Returns:
+        Its path.
+
+    Raises:
+        ValueError: a flag is of our own controller only.
     """
     if args.controller is None:
         return ""
     if args.plant == "lipm" or args.mechanisms is not None:
-        why = "must not come with plant = lipm or mechanisms"
-        raise ValueError(f"controller = {str(args.controller)!r}: {why}")
+        raise ValueError(
+            f"controller = {str(args.controller)!r}: must not come with "
+            "plant = lipm or mechanisms"
+        )
     return str(args.controller.resolve())
 
 
-def _shows_meshcat(args: argparse.Namespace) -> bool:
+def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:
     """True with Meshcat; ValueError: an output flag has no effect."""
     if args.live:
-        for name in _NOT_LIVE:
-            if (value := getattr(args, name, None)) not in (None, False):
-                raise ValueError(f"{name} = {value}: must not come with --live")
+        parser.refuse_with_live(args)
         return True
-    reason = "--plant lipm" if args.plant == "lipm" else ""
-    reason = "--no-meshcat" if args.no_meshcat else reason
+    if not args.no_meshcat and args.plant != "lipm":
+        return True
+    reason = "--no-meshcat" if args.no_meshcat else "--plant lipm"
     for name in ("open", "hold", "port"):
         value = getattr(args, name)
-        if reason and value not in (None, False):
-            why = f"must not come with {reason}: no Meshcat"
-            raise ValueError(f"{name} = {value}: {why}")
-    return not reason
+        if value not in (None, False):
+            raise ValueError(
+                f"{name} = {value}: must not come with {reason}: no Meshcat"
+            )
+    return False
 
 
 def _meshcat(port: int | None) -> Meshcat:
@@ -335,14 +537,16 @@ def _meshcat(port: int | None) -> Meshcat:
     return meshcat
 
 
-def _live(diagram: closed_loop.ClosedLoop, meshcat: Meshcat, args) -> int:
+def _live(
+    diagram: ClosedLoop, meshcat: Meshcat, args: argparse.Namespace
+) -> int:
     session = live.LiveSession(diagram, meshcat, say)
     with pages.LivePage(meshcat) as page:
         say(f"Live: {page.url}  (Stop in the page, or Ctrl-C, ends)")
         if args.open:
             webbrowser.open(page.url)
-        interrupted = session.run(page.show)
-    return INTERRUPTED if interrupted else DONE
+        is_interrupted = session.run(page.show)
+    return INTERRUPTED if is_interrupted else DONE
 
 
 def _hold(meshcat: Meshcat) -> None:

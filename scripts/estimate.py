@@ -3,13 +3,17 @@
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.results.estimation import lost_at, measure_estimate
 from nadia_balance.results.folder import appearing, new_folder
@@ -23,94 +27,180 @@ from nadia_balance.systems.estimation import StateEstimator
 
 SENSED = "imu", "joints", "foot_forces"
 FILES = "estimate.npz", "estimate.png"
-_CSV = {"delimiter": ",", "names": True, "deletechars": ""}
-_CSV |= {"encoding": "utf-8-sig"}  # a spreadsheet's
 
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns the exit code of --help."""
-    codes = "0 estimated, 1 lost, 2 bad input, 4 cannot write, 130 Ctrl-C."
-    parser = command_line.CommandLine(__file__, __doc__, codes)
-    path, add = command_line.place, parser.add_argument
-    add("log", type=path, help="npz or CSV, see docs/sensors.md")
-    add("--robot", default="nadia", help="(%(default)s) or a robot.yaml")
-    pick = {"choices": SENSORS[1:], "default": "consumer"}
-    add("--sensors", **pick, help="how wrong they are (%(default)s)")
-    add("--uneven", action="store_true", help="rough ground")
-    add("--out", type=path, help="folder for the results")
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        The exit code of --help.
+    """
+    parser = _parser()
     args = parser.parse_args(argv)
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stack:
         with parser.refusing():
             robot, sensors = load_robot(args.robot), load_sensors(args.sensors)
             log = read_sensed(args.log, robot)
             period = float(log["t"][-1]) / (len(log["t"]) - 1)
-            height = None if args.uneven else 0.0
-            q = standing(log["joints"][0], robot)
-            block = StateEstimator(robot, sensors, period, q, height)
-            folder = held.enter_context(new_folder(args.out, "estimate", FILES))
-            log = estimated(log, block, period)
-        what = {"robot": args.robot, "mechanisms": args.log.name}
-        with appearing(folder) as drafts, mpl.rc_context(RC):
-            np.savez(drafts / FILES[0], **log)
-            figure = draw_estimate(log, what | {"pushes": [], "fell_at": None})
-            figure.savefig(drafts / FILES[1])
-    found = (measure_estimate(log) if "state" in log else None) or {}
+            estimator = StateEstimator(
+                robot=robot,
+                sensors=sensors,
+                period=period,
+                q=standing(log["joints"][0], robot),
+                height=None if args.uneven else 0.0,
+            )
+            folder = stack.enter_context(
+                new_folder(args.out, "estimate", FILES)
+            )
+            log = estimated(log, estimator, period)
+        _write(folder, log, {"robot": args.robot, "mechanisms": args.log.name})
+    errors = (measure_estimate(log) if "state" in log else None) or {}
     lost = lost_at(log)
     command_line.say(
-        *(f"{name}: {value:.4g}" for name, value in found.items()),
+        *(f"{name}: {value:.4g}" for name, value in errors.items()),
         *([] if lost is None else [f"ESTIMATOR LOST at {lost:.2f} s"]),
         f"wrote {folder}/{{{', '.join(FILES)}}}",
     )
     return command_line.DONE if lost is None else command_line.FAILED
 
 
-def read_sensed(path: Path, robot: RobotModel) -> dict[str, np.ndarray]:
-    """Returns `t` (n,) from 0, SENSED and, if it is there, `state` of a log.
+def _parser() -> command_line.CommandLine:
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 estimated, 1 lost, 2 bad input, 4 cannot write, 130 Ctrl-C.",
+    )
+    parser.add_argument(
+        "log", type=command_line.place, help="npz or CSV, see docs/sensors.md"
+    )
+    parser.add_argument(
+        "--robot", default="nadia", help="(%(default)s) or a robot.yaml"
+    )
+    parser.add_argument(
+        "--sensors",
+        choices=SENSORS[1:],
+        default="consumer",
+        help="how wrong they are (%(default)s)",
+    )
+    parser.add_argument("--uneven", action="store_true", help="rough ground")
+    parser.add_argument(
+        "--out", type=command_line.place, help="folder for the results"
+    )
+    return parser
 
-    Raises ValueError: one is missing, not of its size, or `t` is uneven.
+
+def _write(folder: Path, log: Log, run: dict[str, Any]) -> None:
+    """Writes FILES; the title of the plot tells of the `run`."""
+    with appearing(folder) as drafts, mpl.rc_context(cast(Any, RC)):
+        np.savez(drafts / FILES[0], **cast(Any, log))
+        figure = draw_estimate(log, run | {"pushes": [], "fell_at": None})
+        cast(Figure, figure).savefig(drafts / FILES[1])
+
+
+def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
+    """Reads what sensors have told.
+
+    Args:
+        path: of an npz or a CSV, see docs/sensors.md.
+        robot: whose sensors they are.
+
+    Returns:
+        `t` (n,) from 0 [s], SENSED and, if it is there, `state`.
+
+    Raises:
+        ValueError: one is missing, not of its size, or `t` is uneven.
     """
-    joints = robot.control_plant().GetPositionNames(False, False)[7:]
-    imu = [f"{of}_{axis}" for of in ("gyro", "force") for axis in "xyz"]
-    speeds = [f"{joint}_speed" for joint in joints]
-    columns = imu, [*joints, *speeds], ["left_force", "right_force"]
-    sizes = dict(zip(SENSED, (9, 2 * len(joints), 2), strict=True))
+    names = robot.control_plant().GetPositionNames(False, False)[7:]
     try:
         if not path.stat().st_size:
             raise ValueError("it is empty")
         if path.suffix == ".csv":
-            table = np.genfromtxt(path, **_CSV)
-            parts = [np.array([table[c] for c in of]).T for of in columns]
-            log = dict(zip(SENSED, parts, strict=True)) | {"t": table["t"]}
-        elif path.suffix != ".npz":
-            raise ValueError("by its name it is neither")
+            log = _read_csv(path, names)
+        elif path.suffix == ".npz":
+            log = _read_npz(path)
         else:
-            with np.load(path, allow_pickle=False) as data:
-                names = {"t", *SENSED, *({"state"} & {*data})}
-                log = {name: data[name].astype(float) for name in names}
-        t = log["t"] = log["t"] - log["t"][0]
-        log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))[:, :9]
-        for name, size in (sizes | {"state": 13 + sizes["joints"]}).items():
-            if name in log and log[name].shape != (len(t), size):
-                raise ValueError(f"{name} must be ({len(t)}, {size})")
-        if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
-            raise ValueError("t must rise in equal steps")
-        if log["imu"][0, 5] < 0.0:
-            raise ValueError("force_z must be 9.81 m/s^2 while it stands")
+            raise ValueError("by its name it is neither")
+        _check_sensed(log, len(names))
     except command_line.BROKEN as error:
-        what = f"a CSV or npz as in docs/sensors.md ({error})"
-        raise ValueError(f"log = {path}: must be {what}") from None
+        raise ValueError(
+            f"log = {path}: must be a CSV or npz as in docs/sensors.md "
+            f"({error})"
+        ) from None
     return log
 
 
-def standing(joints: np.ndarray, robot: RobotModel) -> np.ndarray:
-    """Positions (nq,) with these joint angles, level soles about W's origin."""
+def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
+    table = np.genfromtxt(
+        path,
+        delimiter=",",
+        names=True,
+        deletechars="",
+        encoding="utf-8-sig",  # a spreadsheet's
+    )
+    columns = {
+        "imu": [
+            f"{part}_{axis}" for part in ("gyro", "force") for axis in "xyz"
+        ],
+        "joints": [*joints, *(f"{joint}_speed" for joint in joints)],
+        "foot_forces": ["left_force", "right_force"],
+    }
+    return {
+        "t": table["t"],
+        **{
+            name: np.array([table[column] for column in part]).T
+            for name, part in columns.items()
+        },
+    }
+
+
+def _read_npz(path: Path) -> dict[str, Array]:
+    with np.load(path, allow_pickle=False) as data:
+        return {
+            name: data[name].astype(float)
+            for name in {"t", *SENSED, *({"state"} & {*data})}
+        }
+
+
+def _check_sensed(log: dict[str, Array], num_joints: int) -> None:
+    """Lets `t` begin at 0 and completes the IMU; ValueError: a bad log."""
+    t = log["t"] = log["t"] - log["t"][0]
+    log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))[:, :9]
+    sizes = {
+        "imu": 9,
+        "joints": 2 * num_joints,
+        "foot_forces": 2,
+        "state": 13 + 2 * num_joints,
+    }
+    for name, size in sizes.items():
+        if name in log and log[name].shape != (len(t), size):
+            raise ValueError(f"{name} must be ({len(t)}, {size})")
+    if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
+        raise ValueError("t must rise in equal steps")
+    if log["imu"][0, 5] < 0.0:
+        raise ValueError("force_z must be 9.81 m/s^2 while it stands")
+
+
+def standing(joints: Array, robot: RobotModel) -> Array:
+    """The pose in which level soles stand about W's origin.
+
+    Args:
+        joints: angles, and more (n,) [rad].
+        robot: that has these joints.
+
+    Returns:
+        Positions (nq,) of the plant of control.
+    """
     plant = robot.control_plant()
-    own, n = plant.CreateDefaultContext(), plant.num_positions() - 7
-    q = np.array([1.0, *np.zeros(6), *joints[:n]])
-    plant.SetPositions(own, q)
+    context = plant.CreateDefaultContext()
+    q = np.array([1.0, *np.zeros(6), *joints[: plant.num_positions() - 7]])
+    plant.SetPositions(context, cast(Any, q))
     left, right = (
-        plant.GetFrameByName(foot).CalcPoseInWorld(own) @ robot.X_FootSole[side]
+        plant.GetFrameByName(foot).CalcPoseInWorld(context)
+        @ robot.X_FootSole[side]
         for side, foot in robot.foot_bodies.items()
     )
     middle = 0.5 * (left.translation() + right.translation())
@@ -119,21 +209,43 @@ def standing(joints: np.ndarray, robot: RobotModel) -> np.ndarray:
     return q
 
 
-def estimated(log: Log, block: StateEstimator, period: float) -> Log:
-    """Returns `log` with the estimates; ValueError: as the estimator raises."""
-    simulator = Simulator(block)
+def estimated(
+    log: dict[str, Array], estimator: StateEstimator, period: float
+) -> dict[str, Array]:
+    """Estimates the state at each tick of a log.
+
+    Args:
+        log: `t` and SENSED.
+        estimator: of the robot; it begins with the first row.
+        period: of the log [s].
+
+    Returns:
+        The log with the estimates and their covariances.
+
+    Raises:
+        ValueError: as the estimator raises.
+    """
+    simulator = Simulator(estimator)
     context = simulator.get_mutable_context()
-    told = {"estimated_state": [], "estimate_covariance": []}
+    states, covariances = [], []
     try:
         for i in range(len(log["t"])):
             for name in SENSED:
-                block.GetInputPort(name).FixValue(context, log[name][i])
-            for name, rows in told.items():
-                rows.append(block.GetOutputPort(name).Eval(context))
+                estimator.GetInputPort(name).FixValue(context, log[name][i])
+            states.append(
+                estimator.GetOutputPort("estimated_state").Eval(context)
+            )
+            covariances.append(
+                estimator.GetOutputPort("estimate_covariance").Eval(context)
+            )
             simulator.AdvanceTo((i + 1) * period)
     except RuntimeError as error:
         raise ValueError(str(error)) from None
-    return {**log, **{name: np.array(rows) for name, rows in told.items()}}
+    return {
+        **log,
+        "estimated_state": np.array(states),
+        "estimate_covariance": np.array(covariances),
+    }
 
 
 if __name__ == "__main__":

@@ -4,11 +4,12 @@ import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for
 import contextlib
 import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
-from pydrake.geometry import Ellipsoid, Role, Sphere
+from pydrake.geometry import Ellipsoid, Rgba, Role, Sphere
 from pydrake.math import RigidTransform
 
 from nadia_balance.palette import COP, FLOOR, ICP, ICP_REFERENCE, rgba
@@ -20,131 +21,213 @@ from nadia_balance.scripts import command_line
 
 FILE, EVERY = "run.mcap", 8  # ticks from picture to picture
 POINTS = {"icp": ICP, "icp_reference": ICP_REFERENCE, "ecmp_command": COP}
-_COLOR = "phong", "diffuse", rgba(FLOOR)  # property and default
 
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv` and returns 0; bad input exits."""
-    codes = "0 written, 2 bad input, 4 cannot write, 130 Ctrl-C."
-    parser = command_line.CommandLine(__file__, __doc__, codes)
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        0; bad input exits.
+    """
+    parser = command_line.CommandLine(
+        __file__, __doc__, "0 written, 2 bad input, 4 cannot write, 130 Ctrl-C."
+    )
     parser.add_argument("run", type=command_line.place, help="its folder")
     run = parser.parse_args(argv).run
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stack:
         with parser.refusing():
-            try:
-                import foxglove  # noqa: F401
-            except ImportError as error:
-                how = "pip install 'nadia_balance[mcap]'"
-                raise ValueError(f"{error.name} is missing: {how}") from None
-            found = read_run(run)
-            held.enter_context(new_folder(run, "", [FILE]))
+            _require_foxglove()
+            log, columns, robot = read_run(run)
+            stack.enter_context(new_folder(run, "", [FILE]))
         with appearing(run) as drafts:
-            (drafts / FILE).write_bytes(mcap_of(*found))
+            (drafts / FILE).write_bytes(mcap_of(log, columns, robot))
     command_line.say(f"wrote {run / FILE}")
     return command_line.DONE
 
 
-def read_run(run: Path) -> tuple[Log, dict[str, list[str]], RobotModel]:
-    """Returns the log, the names of its signals' columns, and the robot.
+def _require_foxglove() -> None:
+    try:
+        import foxglove  # noqa: F401
+    except ImportError as error:
+        raise ValueError(
+            f"{error.name} is missing: pip install 'nadia_balance[mcap]'"
+        ) from None
 
-    Raises ValueError: a file is missing or broken, or of another robot.
+
+def read_run(run: Path) -> tuple[Log, dict[str, list[str]], RobotModel]:
+    """Reads the folder of a run.
+
+    Args:
+        run: the folder.
+
+    Returns:
+        The log, the names of its signals' columns, and the robot.
+
+    Raises:
+        ValueError: a file is missing or broken, or of another robot.
     """
     try:
         text = (run / "scenario.yaml").read_text("utf-8")
-        (given,) = dict(load_tree(text)).values()
-        robot = load_robot(given["robot"], given["fidelity"])
+        (scenario,) = dict(load_tree(text)).values()
+        robot = load_robot(scenario["robot"], scenario["fidelity"])
         with np.load(io.BytesIO((run / "log.npz").read_bytes())) as data:
             log = dict(data)
-        states = robot.control_plant().GetStateNames(False)
-        joints = log.get("actuator_names", ())
-        known = {name: view.get_fields() for name, view in _VIEWS.items()}
-        known |= {"icp": "xy", "momentum_rate": "xyz"}
-        known |= {"state": states, "estimated_state": states}
-        known |= {"actuation": joints, "torques": joints}
-        columns = {}
-        for name, values in log.items():
-            if values.ndim == 2 and len(values) == len(log["t"]):
-                usual = [f"column_{i}" for i in range(values.shape[1])]
-                columns[name] = [str(one) for one in known.get(name, usual)]
-                if len(columns[name]) != len(usual):
-                    raise ValueError(f"{name} has {len(usual)} columns")
-        return log, columns, robot
+        return log, _columns(log, robot), robot
     except (OSError, *command_line.BROKEN) as error:
-        what = f"the folder of a run, with log.npz, scenario.yaml ({error})"
-        raise ValueError(f"run = {str(run)!r}: must be {what}") from None
+        raise ValueError(
+            f"run = {str(run)!r}: must be the folder of a run, with log.npz, "
+            f"scenario.yaml ({error})"
+        ) from None
 
 
-def mcap_of(log: Log, columns: dict, robot: RobotModel) -> bytes:
-    """Returns a file with a topic of JSON for each signal, and `/scene`.
+def _columns(log: Log, robot: RobotModel) -> dict[str, list[str]]:
+    """Names of the columns of each signal; ValueError: of another robot."""
+    states = robot.control_plant().GetStateNames(False)
+    joints = log.get("actuator_names", ())
+    names: dict[str, Any] = {
+        **{name: view.get_fields() for name, view in _VIEWS.items()},
+        "icp": "xy",
+        "momentum_rate": "xyz",
+        "state": states,
+        "estimated_state": states,
+        "actuation": joints,
+        "torques": joints,
+    }
+    columns = {}
+    for name, values in log.items():
+        if values.ndim == 2 and len(values) == len(log["t"]):
+            numbered = [f"column_{i}" for i in range(values.shape[1])]
+            columns[name] = [str(one) for one in names.get(name, numbered)]
+            if len(columns[name]) != len(numbered):
+                raise ValueError(f"{name} has {len(numbered)} columns")
+    return columns
+
+
+def mcap_of(
+    log: Log, columns: Mapping[str, list[str]], robot: RobotModel
+) -> bytes:
+    """Makes a file with a topic of JSON for each signal, and `/scene`.
 
     Times are those of the log; what is not finite is null.
+
+    Args:
+        log: of a run.
+        columns: names of the columns of each signal.
+        robot: of the run.
+
+    Returns:
+        The bytes of the file.
     """
     import foxglove
 
-    here, file = {"context": foxglove.Context()}, io.BytesIO()
-    topics = {}
-    for name, names in columns.items():
-        kind = {"properties": dict.fromkeys(names, {"type": "number"})}
-        kind |= {"title": name, "type": "object"}
-        topics[name] = foxglove.Channel(f"/{name}", schema=kind, **here)
-    scene = foxglove.channels.SceneUpdateChannel("/scene", **here)
+    context, file = foxglove.Context(), io.BytesIO()
+    topics = {
+        name: foxglove.Channel(
+            f"/{name}",
+            schema={
+                "title": name,
+                "type": "object",
+                "properties": dict.fromkeys(names, {"type": "number"}),
+            },
+            context=context,
+        )
+        for name, names in columns.items()
+    }
+    scene = foxglove.channels.SceneUpdateChannel("/scene", context=context)
     pictures = scenes(log, robot)
-    with foxglove.open_mcap(file, **here):
+    with foxglove.open_mcap(file, context=context):
         for row, time in enumerate(log["t"]):
-            at = {"log_time": round(1e9 * time)}
+            nanoseconds = round(1e9 * time)
             for name, topic in topics.items():
                 values = log[name][row]
                 values = np.where(np.isfinite(values), values, None)
-                topic.log(dict(zip(columns[name], values, strict=True)), **at)
+                message = dict(zip(columns[name], values, strict=True))
+                topic.log(message, log_time=nanoseconds)
             if row % EVERY == 0:
-                scene.log(next(pictures), **at)
+                scene.log(next(pictures), log_time=nanoseconds)
     return file.getvalue()
 
 
-def scenes(log: Log, robot: RobotModel) -> Iterator:
-    """Yields a SceneUpdate of every eighth row, in W.
+def scenes(log: Log, robot: RobotModel) -> Iterator[Any]:
+    """Draws every eighth row, in W.
 
     Ellipsoids of the robot are exact, other shapes their oriented boxes; ICP,
     its reference and the commanded CoP are balls at z = 0.
+
+    Args:
+        log: of a run.
+        robot: of the run.
+
+    Yields:
+        A SceneUpdate.
     """
     from foxglove import messages
 
-    def looks(X_WS: RigidTransform, size, color) -> dict:
-        w, x, y, z = X_WS.rotation().ToQuaternion().wxyz()
-        turn = messages.Quaternion(w=w, x=x, y=y, z=z)
-        place, size = (
-            messages.Vector3(**dict(zip("xyz", xyz, strict=True)))
-            for xyz in (X_WS.translation(), size)
-        )
-        color = messages.Color(**dict(zip("rgba", color.rgba, strict=True)))
-        pose = messages.Pose(position=place, orientation=turn)
-        return {"pose": pose, "size": size, "color": color}
-
     diagram, plant, graph = robot.control_diagram()
-    root, seen = diagram.CreateDefaultContext(), graph.model_inspector()
-    own = plant.GetMyMutableContextFromRoot(root)
-    query = graph.get_query_output_port().Eval(graph.GetMyContextFromRoot(root))
+    root = diagram.CreateDefaultContext()
+    inspector: Any = graph.model_inspector()
+    context = plant.GetMyMutableContextFromRoot(root)
+    query: Any = graph.get_query_output_port().Eval(
+        graph.GetMyContextFromRoot(root)
+    )
     for row in range(0, len(log["t"]), EVERY):
-        balls, boxes = [], []
+        balls: list[dict[str, Any]] = []
+        boxes: list[dict[str, Any]] = []
         for name in filter(log.__contains__, POINTS):
-            X_WP = RigidTransform([*log[name][row, :2], 0.0])
-            balls.append(looks(X_WP, [0.03] * 3, rgba(POINTS[name])))
+            p_WP: Any = [*log[name][row, :2], 0.0]
+            balls.append(
+                _look(RigidTransform(p_WP), [0.03] * 3, rgba(POINTS[name]))
+            )
         if "state" in log:
-            plant.SetPositions(own, log["state"][row, : plant.num_positions()])
-            for one in seen.GetAllGeometryIds(Role.kIllustration):
-                box = seen.GetObbInGeometryFrame(one)
-                X_WB = query.GetPoseInWorld(one) @ box.pose()
-                color = seen.GetIllustrationProperties(one)
-                color = color.GetPropertyOrDefault(*_COLOR)
-                is_round = isinstance(seen.GetShape(one), Ellipsoid | Sphere)
-                look = looks(X_WB, 2.0 * box.half_width(), color)
+            q = log["state"][row, : plant.num_positions()]
+            plant.SetPositions(context, cast(Any, q))
+            for shape in inspector.GetAllGeometryIds(Role.kIllustration):
+                box = inspector.GetObbInGeometryFrame(shape)
+                properties = inspector.GetIllustrationProperties(shape)
+                look = _look(
+                    query.GetPoseInWorld(shape) @ box.pose(),
+                    2.0 * box.half_width(),
+                    properties.GetPropertyOrDefault(
+                        "phong", "diffuse", rgba(FLOOR)
+                    ),
+                )
+                is_round = isinstance(
+                    inspector.GetShape(shape), Ellipsoid | Sphere
+                )
                 (balls if is_round else boxes).append(look)
-        spheres = [messages.SpherePrimitive(**ball) for ball in balls]
-        cubes = [messages.CubePrimitive(**box) for box in boxes]
-        shapes = {"spheres": spheres, "cubes": cubes}
-        entity = messages.SceneEntity(frame_id="W", id="run", **shapes)
-        yield messages.SceneUpdate(entities=[entity])
+        yield messages.SceneUpdate(
+            entities=[
+                messages.SceneEntity(
+                    frame_id="W",
+                    id="run",
+                    spheres=[messages.SpherePrimitive(**one) for one in balls],
+                    cubes=[messages.CubePrimitive(**one) for one in boxes],
+                )
+            ]
+        )
+
+
+def _look(X_WS: RigidTransform, size: Any, color: Rgba) -> dict[str, Any]:
+    """Pose, size (3,) [m] and colour of a shape S, as messages."""
+    from foxglove import messages
+
+    p, wxyz = X_WS.translation(), X_WS.rotation().ToQuaternion().wxyz()
+    return {
+        "pose": messages.Pose(
+            position=messages.Vector3(x=p[0], y=p[1], z=p[2]),
+            orientation=messages.Quaternion(
+                w=wxyz[0], x=wxyz[1], y=wxyz[2], z=wxyz[3]
+            ),
+        ),
+        "size": messages.Vector3(x=size[0], y=size[1], z=size[2]),
+        "color": messages.Color(
+            r=color.r(), g=color.g(), b=color.b(), a=color.a()
+        ),
+    }
 
 
 if __name__ == "__main__":

@@ -8,8 +8,17 @@ import signal
 import sys
 from pathlib import Path
 
-_PROGRAMS = """benchmark envelope estimate export_mcap new_robot push
-    simulate single_pushes _m""".split()  # the last: `python -m`
+_PROGRAMS = (
+    "benchmark",
+    "envelope",
+    "estimate",
+    "export_mcap",
+    "new_robot",
+    "push",
+    "simulate",
+    "single_pushes",
+    "_m",  # python -m
+)
 if (
     Path(sys.argv[0]).stem.removeprefix("nadia-").replace("-", "_") in _PROGRAMS
     and signal.getsignal(signal.SIGINT) is signal.default_int_handler

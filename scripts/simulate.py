@@ -10,11 +10,20 @@ from nadia_balance.scripts import command_line
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns the exit code of --help."""
-    names = ", ".join(scenario_names())
-    codes = f"0 stood, walked or recovered, {command_line.EXIT_CODES}"
-    codes += f" Scenarios: {names}."
-    parser = command_line.CommandLine(__file__, __doc__, codes)
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        The exit code of --help.
+    """
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        f"0 stood, walked or recovered, {command_line.EXIT_CODES} Scenarios: "
+        f"{', '.join(scenario_names())}.",
+    )
     command_line.scenario_flags(parser, name="walk_by_command, with --command")
     return command_line.main_job(parser, argv, _scenario)
 

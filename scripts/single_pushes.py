@@ -2,8 +2,9 @@
 
 Direction, moment, side, length and body of each are drawn; with --directions or
 --at, each of these is pushed.  The size is the share of the limit in that
-direction, at the sweep's moment.  With a paper's figure as limits, all of its
-pushes are made, in every gait.  The same flags go on after Ctrl-C.
+direction, at the sweep's moment.  With a paper's figure as limits, and without
+--pushes, all of its pushes are made, in every gait.  The same flags go on after
+Ctrl-C.
 
 Example:
     python scripts/single_pushes.py --pushes 40 --out envelopes/random
@@ -11,10 +12,13 @@ Example:
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
+import dataclasses
 import math
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,79 +27,164 @@ from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.results.folder import appearing
+from nadia_balance.results.versions import CHECKOUT
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line, envelope
-from nadia_balance.sweep.limits import LIMITS, PROTOCOLS, known_limits
+from nadia_balance.sweep.limits import LIMITS, PROTOCOLS, Protocol, known_limits
 from nadia_balance.sweep.report import outcomes, table
 from nadia_balance.sweep.search import Sweep
-from nadia_balance.sweep.trials import TRIALS, Cell, Results, Rows, Trial
+from nadia_balance.sweep.trials import (
+    TRIALS,
+    Cell,
+    Identity,
+    Results,
+    Rows,
+    Trial,
+)
 
 LENGTHS = 0.05, 0.4  # of a push at random [s]
+MOST_PUSHES = 100_000
 FAILURES = "failures.md"
+FAILURE_COLUMNS = (
+    "m/s",
+    "deg",
+    "at",
+    "body",
+    "s",
+    "scenario",
+    "outcome",
+    "first wrong",
+)
+
+
+def default_limits(checkout: Path = CHECKOUT) -> Path:
+    """Where limits are, if nobody says so.
+
+    Args:
+        checkout: in which the package may be.
+
+    Returns:
+        The results of the checkout; without one, the name of the paper's
+        figure, which is in the package.
+    """
+    results = checkout / "docs" / "results" / "fig10"
+    return results if results.exists() else Path("nadia_fig10")
 
 
 @dataclass(kw_only=True)
 class SinglePushes(Sweep):
-    """A sweep whose cells have one push each, a share of a known limit."""
+    """A sweep whose cells have one push each, a share of a known limit.
 
-    share: float  # of the limits [-]
-    known_limits: dict[Cell, float]  # of a sweep [m/s]
-    drawn: dict[Cell, Push]  # body and length at random; empty: no such
+    Attributes:
+        share: of the limits [-].
+        known_limits: of a sweep, or of a paper [m/s].
+        drawn: body and length at random; empty: no such.
+    """
+
+    share: float
+    known_limits: dict[Cell, float]
+    drawn: dict[Cell, Push]
 
     def cells(self) -> list[Cell]:
-        """Returns the cell of each push."""
+        """The cell of each push.
+
+        Returns:
+            Those drawn, or those of the sweep.
+        """
         return list(self.drawn) or super().cells()
 
     def curve(self, scenario: str) -> dict[float, float]:
-        """Returns direction [deg] -> limit [m/s], for pushes in right swings.
+        """The limits of a gait, for pushes in right swings.
 
-        Raises ValueError: no limit is of the scenario and these mechanisms.
+        Args:
+            scenario: its name.
+
+        Returns:
+            Direction [deg] -> limit [m/s].
+
+        Raises:
+            ValueError: no limit is of the scenario and these mechanisms.
         """
-        wanted = scenario, *self.mechanisms
-        known = {c: v for c, v in self.known_limits.items() if c[::2] == wanted}
-        if not known:
-            raise ValueError(f"limits: must have some of {', '.join(wanted)}")
-        first = next(iter(known)).at
-        return {c.direction_deg: v for c, v in known.items() if c.at == first}
+        key = (scenario, *self.mechanisms)
+        limits = {c: v for c, v in self.known_limits.items() if c[::2] == key}
+        if not limits:
+            raise ValueError(f"limits: must have some of {', '.join(key)}")
+        at = next(iter(limits)).at
+        return {c.direction_deg: v for c, v in limits.items() if c.at == at}
 
     def attempts(self, cell: Cell, results: Results) -> list[Trial]:
-        """Returns the only trial of a `cell`, unless it has results.
+        """The only trial of a cell, unless it has results.
 
         Limits between directions are interpolated; mirrored for a left swing.
+
+        Args:
+            cell: of the push.
+            results: of its trials until now.
+
+        Returns:
+            The trial, or none.
         """
-        left = False
-        if cell.at != STANDING:
-            left = Moment.parse(cell.at).swing is Side.LEFT
-        seen = -cell.direction_deg if left else cell.direction_deg
-        known = zip(*self.curve(cell.scenario).items(), strict=True)
-        delta_v = self.share * float(np.interp(seen, *known, period=360.0))
-        return [] if results else [(round(delta_v, 3), 0)]
+        if results:
+            return []
+        direction = cell.direction_deg
+        if cell.at != STANDING and Moment.parse(cell.at).swing is Side.LEFT:
+            direction = -direction
+        curve = self.curve(cell.scenario)
+        limit = np.interp(direction, [*curve], [*curve.values()], period=360.0)
+        return [(round(self.share * float(limit), 3), 0)]
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
-        """Returns the scenario of a push, which is zero."""
+        """The scenario of a push, which is zero.
+
+        Args:
+            cell: of the push.
+            replica: from 0 on.
+
+        Returns:
+            A scenario of its own.
+        """
         scenario = super().walk(cell, replica)
-        if push := self.drawn.get(cell):  # not that of the identity
+        push = self.drawn.get(cell)
+        if push:  # not that of the identity
             (zero,) = scenario.pushes
             zero.body, zero.duration = push.body, push.duration
         return scenario
 
-    def identity(self) -> dict:
-        """Returns the JSON data that all trials of one folder share."""
+    def identity(self) -> Identity:
+        """What all trials of a folder share.
+
+        Returns:
+            JSON, without the cells.
+        """
         return super().identity() | {"share": self.share}
 
 
-def drawn(name: str, scenario: Scenario, most: str, count: int) -> dict:
-    """Returns the body and length of `count` pushes, by their cells.
+def drawn(
+    scenarios: Mapping[str, Scenario], mechanisms: str, count: int
+) -> dict[Cell, Push]:
+    """Draws pushes at random.
 
-    They are drawn by the seed of the `scenario`, which has this `name`: uniform
-    in direction, in the time of the gait, in side, body and length.
+    They are uniform in direction, in the time of the gait, in side, body and
+    length, by the seed of the scenarios, whose gaits take turns.
+
+    Args:
+        scenarios: by name, all of one robot and seed.
+        mechanisms: of the cells.
+        count: number of pushes.
+
+    Returns:
+        Body and length of each push, by its cell.
     """
-    rng, gait = np.random.default_rng(scenario.seed), scenario.gait
-    robot = load_robot(scenario.robot, scenario.fidelity)
-    period = scenario.controller.control_period
-    ticks = math.ceil(LENGTHS[0] / period), round(LENGTHS[1] / period) + 1
+    one = next(iter(scenarios.values()))
+    rng: Any = np.random.default_rng(one.seed)
+    robot = load_robot(one.robot, one.fidelity)
+    period = one.controller.control_period
+    shortest = math.ceil(LENGTHS[0] / period)
+    longest = round(LENGTHS[1] / period) + 1
     pushes: dict[Cell, Push] = {}
-    for _ in range(count):
+    for i in range(count):
+        name = [*scenarios][i % len(scenarios)]
+        gait = scenarios[name].gait
         side, direction = rng.choice(list(Side)), rng.uniform(0.0, 360.0)
         time = rng.uniform(0.0, gait.transfer_duration + gait.swing_duration)
         fraction, phase = time / gait.transfer_duration, Phase.TRANSFER
@@ -103,54 +192,73 @@ def drawn(name: str, scenario: Scenario, most: str, count: int) -> dict:
             time -= gait.transfer_duration
             fraction, phase = time / gait.swing_duration, Phase.SWING
         at = str(Moment(phase, side, round(fraction, 2)))
-        pushes[Cell(name, at, most, round(direction, 3))] = Push(
+        pushes[Cell(name, at, mechanisms, round(direction, 3))] = Push(
             body=str(rng.choice([robot.pelvis_body, robot.torso_body])),
             delta_v=0.0,
-            duration=round(period * int(rng.integers(*ticks)), 9),
+            duration=round(period * int(rng.integers(shortest, longest)), 9),
             at=at,
         )
     return pushes
 
 
 def failures_text(sweep: SinglePushes, rows: Rows) -> str:
-    """Returns the page of each push that failed.
+    """Lists each push that failed.
 
     A trial ends at the first figure that excludes a recovery: its reason.
+
+    Args:
+        sweep: the pushes.
+        rows: of their trials.
+
+    Returns:
+        The text of the page.
     """
     failed = []
     for row in sorted(rows.all, key=Cell.of):
         if row["outcome"] != "recovered":
             (push,) = sweep.walk(Cell.of(row), replica=0).pushes
-            size = f"{row['delta_v']:.3f}", f"{row['direction_deg']:g}"
-            where = row["at"], push.body or "base", f"{push.duration:g}"
-            ended = row["scenario"], row["outcome"], row["reason"]
-            failed.append((*size, *where, *ended))
-    head = "m/s", "deg", "at", "body", "s", "scenario", "outcome", "first wrong"
-    title = f"# Single pushes, at {sweep.share:g} of the limits"
-    commit = rows.identity.get("commit", "")
-    about = f"{outcomes(rows)}; commit `{commit}`."
-    parts = [title, about, *([table(head, failed)] if failed else [])]
+            failed.append(
+                [
+                    f"{row['delta_v']:.3f}",
+                    f"{row['direction_deg']:g}",
+                    row["at"],
+                    push.body or "base",
+                    f"{push.duration:g}",
+                    row["scenario"],
+                    row["outcome"],
+                    row["reason"],
+                ]
+            )
+    parts = [
+        f"# Single pushes, at {sweep.share:g} of the limits",
+        f"{outcomes(rows)}; commit `{rows.identity.get('commit', '')}`.",
+    ]
+    if failed:
+        parts.append(table(FAILURE_COLUMNS, failed))
     return "\n\n".join(parts) + "\n"
 
 
 @command_line.program
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line `argv`; returns the exit code."""
-    codes = "0 done, 1 the workers failed, 2 bad input, 4 cannot write, "
-    parser = command_line.CommandLine(__file__, __doc__, codes + "130 Ctrl-C.")
-    add = parser.add_argument_group("pushes").add_argument
-    shown = "(%(default)s)"
-    share = {"type": command_line.finite, "default": 0.6}
-    add("--share", **share, help=f"of the limits {shown}")
-    folder = {"type": command_line.place, "metavar": "FOLDER"}
-    about = f"with a {LIMITS}, or one of {', '.join(PROTOCOLS)} {shown}"
-    add("--limits", **folder, default="docs/results/fig10", help=about)
-    add("--pushes", type=int, default=1000, help=f"at random {shown}")
-    for name in ("--directions", "--at"):
-        add(name, help="not at random, as of envelope.py")
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        The exit code of --help.
+    """
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 done, 1 the workers failed, 2 bad input, 4 cannot write, "
+        "130 Ctrl-C.",
+    )
+    _push_flags(parser)
     command_line.scenario_flags(parser, name="push")
-    add = parser.add_argument_group("running").add_argument
-    envelope.running_flags(add, "envelopes/single")
+    envelope.running_flags(
+        parser.add_argument_group("running"), "envelopes/single"
+    )
     parser.set_defaults(out=Path("envelopes/single"))
     args = parser.parse_args(argv)
     with parser.refusing():
@@ -158,51 +266,119 @@ def main(argv: list[str] | None = None) -> int:
 
     def report(rows: Rows) -> int:
         with appearing(rows.folder) as drafts:
-            text = failures_text(sweep, rows)
-            (drafts / FAILURES).write_text(text, encoding="utf-8")
+            (drafts / FAILURES).write_text(
+                failures_text(sweep, rows), encoding="utf-8"
+            )
         command_line.say(outcomes(rows), f"wrote {rows.folder}/{FAILURES}")
         return command_line.DONE
 
-    return envelope.carry_out(parser, args, argv, sweep, report)
+    return envelope.carry_out(
+        parser=parser, args=args, argv=argv, sweep=sweep, report=report
+    )
+
+
+def _push_flags(parser: command_line.CommandLine) -> None:
+    group = parser.add_argument_group("pushes")
+    group.add_argument(
+        "--share",
+        type=command_line.finite,
+        default=0.6,
+        help="of the limits (%(default)s)",
+    )
+    group.add_argument(
+        "--limits",
+        type=command_line.place,
+        metavar="FOLDER",
+        default=default_limits(),
+        help=f"with a {LIMITS}, or one of {', '.join(PROTOCOLS)} "
+        "(docs/results/fig10, without a checkout nadia_fig10)",
+    )
+    group.add_argument(
+        "--pushes",
+        type=int,
+        help="at random (1000, or all of a paper's figure)",
+    )
+    group.add_argument("--directions", help="not at random, as of envelope.py")
+    group.add_argument("--at", help="not at random, as of envelope.py")
 
 
 def sweep_from(args: argparse.Namespace) -> SinglePushes:
-    """Returns the sweep of the flags; ValueError names an invalid one."""
-    if not 1 <= args.pushes <= 100_000 or not 0.0 < args.share <= 3.0:
-        given = f"pushes = {args.pushes}, share = {args.share}"
-        raise ValueError(f"{given}: must be in [1, 100000] and (0, 3]")
+    """The sweep of the flags.
+
+    Args:
+        args: those of the parser.
+
+    Returns:
+        The sweep, checked.
+
+    Raises:
+        ValueError: names the invalid flag.
+    """
     figure = PROTOCOLS.get(str(args.limits))
-    asked = {"scenario_name": "push", "directions": "12", "at": AT}
-    asked["mechanisms"] = list(MECHANISMS)[-1]
-    asked |= vars(figure) if figure else {}
-    of = asked.get("robot")
-    most = args.mechanisms or asked["mechanisms"].split(",")[-1]
-    asked |= {name: x for name, x in vars(args).items() if x is not None}
-    names = envelope.words("scenario_name", asked)
-    scenarios = {name: envelope.scenario_of(args, name) for name in names}
-    known = figure.largest(most) if figure else known_limits(args.limits)
-    if (args.limits / TRIALS).exists():
-        of = Rows.read(args.limits).identity["robot"]
-    if of not in (None, robot := scenarios[names[0]].robot):
-        why = f"must be of {robot}, not of {of}"
-        raise ValueError(f"limits = '{args.limits}': {why}")
-    drawn_of = names[0], scenarios[names[0]], most, args.pushes
-    random = not (figure or args.directions or args.at)
+    count = _random_pushes(args, figure)
+    values = {
+        "scenario_name": "push",
+        "directions": "12",
+        "at": AT,
+        "mechanisms": [*MECHANISMS][-1],
+        **(dataclasses.asdict(figure) if figure else {}),
+    }
+    mechanisms = args.mechanisms or values["mechanisms"].split(",")[-1]
+    values |= {name: x for name, x in vars(args).items() if x is not None}
+    scenarios = {
+        name: envelope.scenario_of(args, name)
+        for name in envelope.words("scenario_name", values)
+    }
+    robot = next(iter(scenarios.values())).robot
     sweep = SinglePushes(
         share=args.share,
-        drawn=drawn(*drawn_of) if random else {},
+        drawn=drawn(scenarios, mechanisms, count) if count else {},
         scenarios=scenarios,
         plant=args.plant,
         controller=command_line.policy_of(args),
-        directions=envelope.directions(asked),
-        at=envelope.moments(asked),
-        mechanisms=(most,),
-        known_limits=known,
+        directions=envelope.directions(values),
+        at=envelope.moments(values),
+        mechanisms=(mechanisms,),
+        known_limits=_limits_of(args.limits, robot, mechanisms),
     )
     sweep.validate()
     for name in scenarios:
         sweep.curve(name)
     return sweep
+
+
+def _random_pushes(args: argparse.Namespace, figure: Protocol | None) -> int:
+    """The number of pushes at random; 0: all are given.
+
+    Raises ValueError: a flag is out of range, or has no effect.
+    """
+    count = 1000 if args.pushes is None else args.pushes
+    if not 1 <= count <= MOST_PUSHES or not 0.0 < args.share <= 3.0:
+        raise ValueError(
+            f"pushes = {count}, share = {args.share}: must be in "
+            f"[1, {MOST_PUSHES}] and (0, 3]"
+        )
+    has_place = args.directions is not None or args.at is not None
+    if args.pushes is None:
+        return 0 if figure or has_place else count
+    if has_place:
+        raise ValueError(
+            f"pushes = {count}: must not come with directions or at"
+        )
+    return count
+
+
+def _limits_of(limits: Path, robot: str, mechanisms: str) -> dict[Cell, float]:
+    """Limits [m/s] of a folder or a figure; ValueError: of another robot."""
+    figure = PROTOCOLS.get(str(limits))
+    of_robot = figure.robot if figure else robot
+    if (limits / TRIALS).exists():
+        of_robot = Rows.read(limits).identity["robot"]
+    if of_robot != robot:
+        raise ValueError(
+            f"limits = '{limits}': must be of {robot}, not of {of_robot}"
+        )
+    return figure.largest(mechanisms) if figure else known_limits(limits)
 
 
 if __name__ == "__main__":

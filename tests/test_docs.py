@@ -27,6 +27,7 @@ from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push, simulate
 from nadia_balance.scripts.command_line import CommandLine
 from nadia_balance.scripts.envelope import sweep_from
+from nadia_balance.sweep.search import SearchParams
 from nadia_balance.systems.signals import PHASES
 from tests import run_cache
 from tests.results import made_up_run
@@ -367,6 +368,20 @@ def test_the_reference_is_that_of_this_code():
     assert {*reference.PUSHES} == {*push}
     for name in run.logs:
         assert f"| `{name}` |" in page, name
+
+
+def test_the_reference_says_what_a_field_is():
+    """Oracle: by hand, the doc, default and bounds of its declaration."""
+    rows = [*reference.fields("search.", SearchParams())]
+    assert rows[0] == (
+        "`search.resolution`",
+        "0.02",
+        "in [0.0001, 1] m/s",
+        "of the limit [m/s]",
+    )
+    names = [name for name, *_ in reference.fields("", nb.Scenario())]
+    assert "`controller.balance.feedback_gain`" in names
+    assert "`sources`" not in names  # nobody sets it
 
 
 def test_the_source_of_each_file_of_a_model_is_told():

@@ -7,35 +7,40 @@ Examples:
     python docs/figures/reference.py
 """
 
+import contextlib
 import dataclasses
 import importlib
 import inspect
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, NoReturn
 from unittest import mock
 
-from nadia_balance.core.body.ground import GroundError
-from nadia_balance.core.plan.gait import Foothold, Gait, StepVector
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
+from nadia_balance.core.plan.gait import Foothold, StepVector
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.push import Push
 from nadia_balance.diagrams.scenario import (
     Command,
-    Place,
     Scenario,
     load_scenario,
     scenario_names,
 )
-from nadia_balance.diagrams.terrain import Terrain
-from nadia_balance.parameters.bounds import UNBOUNDED
+from nadia_balance.parameters.bounds import UNBOUNDED, meaning
 from nadia_balance.results.log import _VIEWS
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
-from nadia_balance.systems.hardware import Imperfections
 
 PAGE = Path(__file__).parents[1] / "reference.md"
 SCRIPTS = (
-    *("push", "simulate", "envelope", "single_pushes", "estimate"),
-    *("new_robot", "benchmark", "export_mcap"),
+    "push",
+    "simulate",
+    "envelope",
+    "single_pushes",
+    "estimate",
+    "new_robot",
+    "benchmark",
+    "export_mcap",
 )
 # Entries of summary.json: unit, and what it is.
 SUMMARY = {
@@ -158,7 +163,14 @@ ARRAYS = {
 
 
 def table(*rows: tuple[object, ...]) -> Iterator[str]:
-    """The rows of a Markdown table; the first one is its head."""
+    """Makes a Markdown table.
+
+    Args:
+        *rows: cells; the first row is its head.
+
+    Yields:
+        Its lines.
+    """
     for i, row in enumerate(rows):
         cells = (" ".join(str(cell).split()) for cell in row)
         yield f"| {' | '.join(c.replace('|', '/') for c in cells)} |"
@@ -167,98 +179,119 @@ def table(*rows: tuple[object, ...]) -> Iterator[str]:
 
 
 def parser_of(script: str) -> CommandLine:
-    """The parser of a script, with all of its flags."""
-    found = []
+    """Takes the parser of a script, with all of its flags.
 
-    def take(parser, args=None, namespace=None):
-        found.append(parser)
+    Args:
+        script: its name.
+
+    Returns:
+        The parser with which it would read the command line.
+    """
+    parsers: list[CommandLine] = []
+
+    def take(parser: CommandLine, *_: object) -> NoReturn:
+        parsers.append(parser)
         parser.exit()
 
     module = importlib.import_module(f"nadia_balance.scripts.{script}")
-    with mock.patch.object(CommandLine, "parse_args", take):
-        try:
-            module.main([])
-        except SystemExit:
-            pass
-    return found[0]
+    with (
+        mock.patch.object(CommandLine, "parse_args", take),
+        contextlib.suppress(SystemExit),
+    ):
+        module.main([])
+    return parsers[0]
 
 
 def flags(script: str) -> Iterator[str]:
-    """The flags of a script, and what they are for."""
+    """Lists the flags of a script, and what they are for.
+
+    Args:
+        script: its name.
+
+    Yields:
+        Lines of Markdown.
+    """
     parser = parser_of(script)
     rows = []
     for action in parser._actions:
-        words = "`, `".join(action.option_strings) or action.dest
-        text = action.help and parser._get_formatter()._expand_help(action)
-        if "--help" in action.option_strings:
-            continue
-        if action.choices:
-            text = f"{text}: {', '.join(map(str, action.choices))}"
-        rows.append((f"`{words}`", text))
+        if "--help" not in action.option_strings:
+            names = "`, `".join(action.option_strings) or action.dest
+            text = action.help and parser._get_formatter()._expand_help(action)
+            if action.choices:
+                text = f"{text}: {', '.join(map(str, action.choices))}"
+            rows.append((f"`{names}`", text))
     yield f"### {script}.py\n"
-    yield parser.description.partition("\n\n")[0] + "\n"
+    yield (parser.description or "").partition("\n\n")[0] + "\n"
     yield from table(("flag", ""), *rows)
     yield f"\n{parser.epilog}\n" if parser.epilog else ""
 
 
 def scenarios() -> Iterator[str]:
-    """The scenarios of the package."""
+    """Lists the scenarios of the package.
+
+    Yields:
+        Lines of Markdown.
+    """
     rows = []
     for name in scenario_names():
-        found = load_scenario(name)
-        rows.append(
-            (f"`{name}`", found.description, found.robot, found.mechanisms)
-        )
+        one = load_scenario(name)
+        rows.append((f"`{name}`", one.description, one.robot, one.mechanisms))
     yield from table(("scenario", "", "robot", "mechanisms"), *rows)
 
 
-def fields(prefix: str, kind: type) -> Iterator[tuple[str, str, str]]:
-    """Name, default and rule of every field that is no dataclass."""
-    default = kind()
-    for field in dataclasses.fields(kind):
-        value = getattr(default, field.name)
+def fields(prefix: str, params: Any) -> Iterator[tuple[str, str, str, str]]:
+    """Lists the fields of a dataclass, then those of dataclasses in it.
+
+    Args:
+        prefix: of their names.
+        params: a dataclass with its defaults.
+
+    Yields:
+        Name, default, rule and meaning.
+    """
+    nested = []
+    for field in dataclasses.fields(params):
+        value = getattr(params, field.name)
         if dataclasses.is_dataclass(value):
-            continue
-        bounds = field.metadata.get("bounds", UNBOUNDED)
-        number = isinstance(value, float | int) and not isinstance(value, bool)
-        rule = ", ".join(bounds.one_of)
-        if not rule and (number or bounds is not UNBOUNDED):
-            rule = bounds.rule(0.0)
-        shown = "" if value is None or value == [] else value
-        yield f"`{prefix}{field.name}`", str(shown), rule
+            nested.append((f"{prefix}{field.name}.", value))
+        elif not field.metadata.get("internal"):
+            bounds = field.metadata.get("bounds", UNBOUNDED)
+            rule = ", ".join(bounds.one_of)
+            is_number = type(value) in (float, int)
+            if not rule and (is_number or bounds != UNBOUNDED):
+                rule = bounds.rule(0.0)
+            default = "" if value is None or value == [] else str(value)
+            yield f"`{prefix}{field.name}`", default, rule, meaning(field)
+    for name, value in nested:
+        yield from fields(name, value)
 
 
 def logged() -> Iterator[tuple[str, str, str]]:
-    """Name, shape and meaning of every array of log.npz."""
+    """Lists the arrays of log.npz.
+
+    Yields:
+        Name, shape and meaning.
+    """
     for name, (shape, words) in ARRAYS.items():
         yield f"`{name}`", shape, words
     for name, view in _VIEWS.items():
-        columns = view.get_fields()
-        words = inspect.getdoc(view) if view.__module__ != "builtins" else ""
-        first = (words or "").partition("\n\n")[0]
-        own = first if "namedview" not in first.lower() else ""
+        columns = ", ".join(view.get_fields())
+        words, _, _ = (inspect.getdoc(view) or "").partition("\n\n")
+        if view.__module__ == "builtins" or "namedview" in words.lower():
+            words = ""
         yield (
             f"`{name}`",
-            f"(n, {len(columns)})",
-            f"{', '.join(columns)}. {own}".strip(),
+            f"(n, {len(view.get_fields())})",
+            f"{columns}. {words}".strip(),
         )
 
 
 def page() -> str:
-    """The whole page."""
-    kinds = (
-        ("", Scenario),
-        ("gait.", Gait),
-        ("gait.step.", StepVector),
-        ("gait.steps[].", StepVector),
-        ("gait.footholds[].", Foothold),
-        ("pushes[].", Push),
-        ("commands[].", Command),
-        ("imperfections.", Imperfections),
-        ("terrain.", Terrain),
-        ("terrain.error.", GroundError),
-        ("place.", Place),
-    )
+    """Writes the whole page.
+
+    Returns:
+        Its text.
+    """
     lines = [
         "# Reference\n",
         "Written by `python docs/figures/reference.py` from the code; a test "
@@ -268,21 +301,27 @@ def page() -> str:
         "## Scenarios\n",
         *scenarios(),
         "\n## Fields of a scenario\n",
-        "Those of `controller` are in the code.\n",
+        "Defaults of `controller` are Nadia's; those of another robot are "
+        "scaled by its size.\n",
         *table(
-            ("field", "default", "must be"),
-            *(row for prefix, kind in kinds for row in fields(prefix, kind)),
+            ("field", "default", "must be", ""),
+            *fields("", Scenario()),
+            *fields("gait.steps[].", StepVector()),
+            *fields("gait.footholds[].", Foothold()),
+            *fields("pushes[].", Push()),
+            *fields("commands[].", Command()),
+            *fields("controller.icp_step_qp.", IcpStepQpParams()),
         ),
         "\n## summary.json\n",
         "Null where it does not apply.\n",
         *table(
             ("field", "unit", ""),
-            *((f"`{n}`", *words) for n, words in SUMMARY.items()),
+            *((f"`{name}`", *words) for name, words in SUMMARY.items()),
         ),
         "\nEach of `pushes`:\n",
         *table(
             ("field", "unit", ""),
-            *((f"`{n}`", *words) for n, words in PUSHES.items()),
+            *((f"`{name}`", *words) for name, words in PUSHES.items()),
         ),
         "\n## log.npz\n",
         "Row i of an array (n, ...) holds at `t[i]`. What a robot or a "
@@ -293,7 +332,14 @@ def page() -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Writes the page; returns the exit code."""
+    """Writes the page.
+
+    Args:
+        argv: the command line; None: that of the process.
+
+    Returns:
+        The exit code.
+    """
     CommandLine(__file__, __doc__, "0 written, 2 bad input.").parse_args(argv)
     PAGE.write_text(page(), encoding="utf-8")
     say(f"wrote {PAGE}")

@@ -4,19 +4,33 @@ Beside each limit stand those of the papers' figures, and of any controller.
 """
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nadia_balance.core.walking import mechanisms as switches
+from nadia_balance.core.walking.mechanisms import (
+    ATLAS_MECHANISMS,
+    MECHANISMS,
+    NAMED,
+)
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
-from nadia_balance.robot.model import MODELS, load_robot
+from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.robot.params import MODELS
 from nadia_balance.sweep.lipm_limit import LipmLimit
 from nadia_balance.sweep.run_trial import limit_from
 from nadia_balance.sweep.search import SearchParams, Sweep, limit
-from nadia_balance.sweep.trials import MOST, Cell, Rows, Situation, results_of
+from nadia_balance.sweep.trials import (
+    MOST,
+    Cell,
+    Identity,
+    Row,
+    Rows,
+    Situation,
+    results_of,
+)
 
 LIMITS = "limits.csv"  # its lines are the records
 BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
@@ -27,7 +41,9 @@ BEGIN_STANDING = 0.2
 OTHERS = ("paper", "limit", "with_hips", "falling")
 # Columns of a row; a record has the worst at the largest recovered push.
 WORST = (
-    *("max_torso_tilt_deg", "max_pelvis_tilt_deg", "com_sag_m"),
+    "max_torso_tilt_deg",
+    "max_pelvis_tilt_deg",
+    "com_sag_m",
     "positive_power_w",
 )
 
@@ -41,33 +57,58 @@ Curves = dict[str, dict[float, float]]
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """A figure of a paper, with the conditions as flags of a sweep."""
+    """A figure of a paper, with the conditions as flags of a sweep.
+
+    Attributes:
+        robot: a model's name.
+        scenario_name: of every gait.
+        at: moments of the push.
+        directions: a count, or degrees.
+        mechanisms: names of NAMED.
+        paper: name of its curves.
+        figures: CSV in the robot's folder.
+        unit_speed: velocity change of the CoM per unit there [m/s].
+    """
 
     robot: str
-    scenario_name: str  # of every gait
+    scenario_name: str
     at: str
     directions: str
     mechanisms: str
-    paper: str  # name of its curves
-    figures: str  # CSV in the robot's folder
-    unit_speed: float = 1.0  # velocity change of the CoM per unit there [m/s]
+    paper: str
+    figures: str
+    unit_speed: float = 1.0
 
     def curves(self, scenario: str) -> Curves:
-        """The curves [m/s] of a gait."""
+        """The curves of a gait.
+
+        Args:
+            scenario: its name.
+
+        Returns:
+            Velocities [m/s] by mechanisms and direction [deg].
+        """
         text = (MODELS / self.robot / self.figures).read_text(encoding="utf-8")
         lines = (line for line in text.splitlines() if not line.startswith("#"))
         curves: Curves = {}
         for row in csv.DictReader(lines):
-            if row.pop("scenario", scenario) != scenario:
-                continue
-            direction = float(row.pop("direction"))
-            for mechanisms, value in row.items():
-                curve = curves.setdefault(mechanisms, {})
-                curve[direction] = float(value) * self.unit_speed
+            if row.pop("scenario", scenario) == scenario:
+                direction = float(row.pop("direction"))
+                for mechanisms, value in row.items():
+                    curves.setdefault(mechanisms, {})[direction] = (
+                        float(value) * self.unit_speed
+                    )
         return curves
 
     def largest(self, mechanisms: str) -> dict[Cell, float]:
-        """Pushes [m/s] of the paper's last curves, as those of `mechanisms`."""
+        """The pushes of the paper's last curves, in every gait.
+
+        Args:
+            mechanisms: of the cells, whatever the paper's are.
+
+        Returns:
+            Pushes [m/s] by cell.
+        """
         return {
             Cell(gait, self.at, mechanisms, direction): delta_v
             for gait in self.scenario_name.split(",")
@@ -81,7 +122,7 @@ PROTOCOLS = {
         scenario_name="push",
         at=AT,
         directions="12",
-        mechanisms=",".join(switches.MECHANISMS),
+        mechanisms=",".join(MECHANISMS),
         paper="the Nadia paper's, Fig. 10",
         figures="nadia_fig10.csv",
     ),
@@ -91,7 +132,7 @@ PROTOCOLS = {
         "atlas_in_place_fast,atlas_in_place_slow",
         at="right swing 50 %",
         directions="0,30,45,90,135,150,180,210,225,240,270,300,315,330",
-        mechanisms=",".join(switches.ATLAS_MECHANISMS),
+        mechanisms=",".join(ATLAS_MECHANISMS),
         paper="the Atlas paper's, Fig. 6",
         figures="atlas_fig6.csv",
         unit_speed=0.981,  # forces over the weight, for 0.1 s
@@ -100,141 +141,245 @@ PROTOCOLS = {
 
 
 def protocol_of(robot: str, situation: Situation) -> Protocol | None:
-    """Returns the figure with this `robot` and `situation`, if any."""
-    for one in PROTOCOLS.values():
-        gaits = one.scenario_name.split(",")
-        if one.robot == robot and situation in [(g, one.at) for g in gaits]:
-            return one
+    """The figure of a paper with these conditions.
+
+    Args:
+        robot: a model's name.
+        situation: gait and moment of the push.
+
+    Returns:
+        The figure, if there is one.
+    """
+    scenario, at = situation
+    for protocol in PROTOCOLS.values():
+        is_same = (protocol.robot, protocol.at) == (robot, at)
+        if is_same and scenario in protocol.scenario_name.split(","):
+            return protocol
     return None
 
 
 @dataclass(frozen=True)
 class LimitTable:
-    """The limits of one robot, and what they are compared with."""
+    """The limits of one robot, and what they are compared with.
 
-    identity: dict  # of the sweep
-    situations: list[Situation]  # those of the paper come first
-    mechanisms: list[str]  # fewer before more
-    records: list[Record]  # every cell of these and the directions
-    assumptions: list[str]  # of the limits of any controller
+    Attributes:
+        identity: of the sweep.
+        situations: those of the paper come first.
+        mechanisms: fewer before more.
+        records: every cell of these and the directions.
+        assumptions: of the limits of any controller.
+    """
+
+    identity: Identity
+    situations: list[Situation]
+    mechanisms: list[str]
+    records: list[Record]
+    assumptions: list[str]
 
     def title(self, mechanisms: str) -> str:
-        """The words for these mechanisms, or for the policy."""
-        return self.identity.get("controller", mechanisms).split(" ")[0]
+        """The words for these mechanisms, or for the policy.
+
+        Args:
+            mechanisms: a name of NAMED.
+
+        Returns:
+            That name, or the name of the policy's file.
+        """
+        return str(self.identity.get("controller", mechanisms)).split(" ")[0]
 
     def protocol(self, situation: Situation) -> Protocol | None:
-        """The paper's figure of a situation, if any."""
+        """The paper's figure of a situation.
+
+        Args:
+            situation: gait and moment of the push.
+
+        Returns:
+            The figure, if there is one.
+        """
         return protocol_of(self.identity["robot"], situation)
 
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:
-        """The records of all directions."""
-        wanted = *situation, mechanisms
-        return [r for r in self.records if Cell.of(r)[:3] == wanted]
+        """The records of all directions.
+
+        Args:
+            mechanisms: a name of NAMED.
+            situation: gait and moment of the push.
+
+        Returns:
+            The records, by direction.
+        """
+        key = (*situation, mechanisms)
+        return [one for one in self.records if Cell.of(one)[:3] == key]
 
 
 def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
-    """The limits by the rows of these scenarios; ValueError: as limits_of."""
+    """The limits that follow from the rows of a sweep.
+
+    Args:
+        rows: of the sweep.
+        scenarios: by name, those of the rows.
+
+    Returns:
+        The limits, also of cells without a trial.
+
+    Raises:
+        ValueError: as limits_of.
+    """
     groups = rows.by_cell()
+    robot = rows.identity["robot"]
     situations = sorted(
         {cell[:2] for cell in groups},
-        key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
+        key=lambda one: (protocol_of(robot, one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
-    mechanisms = [name for name in switches.NAMED if name in tried]
+    mechanisms = [name for name in NAMED if name in tried]
+    directions = sorted({cell.direction_deg for cell in groups})
     records, assumptions = [], set()
-    for one in situations:
-        limits = limits_of(scenarios[one[0]], one)
-        if limits:
-            assumptions.add(limits[0].assumptions)
+    for situation in situations:
+        limits = limits_of(scenarios[situation[0]], situation)
+        assumptions |= {limit.assumptions for limit in limits[:1]}
         for name in mechanisms:
-            on = [replace(limit, on=switches.NAMED[name]) for limit in limits]
-            for direction in sorted({cell.direction_deg for cell in groups}):
-                cell = Cell(*one, name, direction)
-                trials = groups.get(cell, [])
-                records.append(_record(cell, rows.identity, trials, on))
-    found = situations, mechanisms, records, sorted(assumptions)
-    return LimitTable(rows.identity, *found)
+            on = [replace(limit, on=NAMED[name]) for limit in limits]
+            for direction in directions:
+                cell = Cell(*situation, name, direction)
+                records.append(
+                    _record(cell, rows.identity, groups.get(cell, []), on)
+                )
+    return LimitTable(
+        identity=rows.identity,
+        situations=situations,
+        mechanisms=mechanisms,
+        records=records,
+        assumptions=sorted(assumptions),
+    )
 
 
-def _record(cell: Cell, identity: dict, rows: list[dict], limits) -> Record:
-    names = vars(SearchParams())
-    search = SearchParams(**{name: identity[name] for name in names})
-    found = limit(results_of(rows), search)
-    best = [row for row in rows if row["delta_v"] == found.recovered]
-
-    def worst(name: str) -> float | None:
-        values = [row[name] for row in best if row["outcome"] == "recovered"]
-        return max((v for v in values if v is not None), default=None)
-
+def _record(
+    cell: Cell, identity: Identity, rows: list[Row], limits: Sequence[LipmLimit]
+) -> Record:
+    recovery = limit(results_of(rows), SearchParams.of(identity))
+    best = [
+        row
+        for row in rows
+        if row["delta_v"] == recovery.recovered
+        and row["outcome"] == "recovered"
+    ]
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
-    others = [paper.get(cell.mechanisms, {}).get(cell.direction_deg)]
-    others += [limit.largest_push(cell.direction_deg) for limit in limits]
-    others += [None] * (len(OTHERS) - len(others))
-    return {
+    record: Record = {
         **cell._asdict(),
         "trials": len(rows),
-        **found._asdict(),
-        **dict(zip(OTHERS, others, strict=True)),
-        **{name: worst(name) for name in WORST},
+        **recovery._asdict(),
+        **dict.fromkeys(OTHERS),
+        "paper": paper.get(cell.mechanisms, {}).get(cell.direction_deg),
     }
+    for name, one in zip(OTHERS[1:], limits, strict=False):
+        record[name] = one.largest_push(cell.direction_deg)
+    for name in WORST:
+        record[name] = max(
+            (row[name] for row in best if row[name] is not None), default=None
+        )
+    return record
 
 
 def limits_of(
     scenario: Scenario, situation: Situation
 ) -> tuple[LipmLimit, ...]:
-    """Returns the limits of a point mass at its push, see OTHERS.
+    """The limits of a point mass at its push, whatever the engine and sensors.
 
-    None for a robot that stands: which foot it will lift is not known.
+    Args:
+        scenario: of the gait; uneven ground is taken as flat.
+        situation: its name, and the moment of the push.
 
-    Raises ValueError: the push is not within the walk.
+    Returns:
+        Those of OTHERS but the paper; none for a robot that stands: which foot
+        it will lift is not known.
+
+    Raises:
+        ValueError: the push is not within the walk.
     """
-    if situation[1] == STANDING:
+    at = situation[1]
+    if at == STANDING:
         return ()
     robot = load_robot(scenario.robot, scenario.fidelity)
-    true = scenario.terrain.ground(robot.sole, robot.params.size)
-    known = scenario.point_mass(robot).ground
-    if not all(ground is None or ground.is_level for ground in (true, known)):
-        flat = replace(scenario.terrain, name="flat")
-        scenario = scenario.changed(terrain=flat)
-    scenario = scenario.changed(engine="drake", sensors="perfect")
-    scenario = scenario.with_push(delta_v=0.0, at=situation[1])
+    scenario = _on_level_ground(scenario, robot).changed(
+        engine="drake", sensors="perfect"
+    )
+    scenario = scenario.with_push(delta_v=0.0, at=at)
     push = scenario.pushes[0]
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram)
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")
-    more = {"model": robot.point_mass, "push_duration": push.duration}
-    limit = limit_from(diagram, context, **more)
+    limit = limit_from(
+        diagram, context, model=robot.point_mass, push_duration=push.duration
+    )
     params = scenario.controller
     with_hips = replace(limit, kappa=params.balance.max_kappa)
-    falling = replace(with_hips, fall=params.com_height.max_velocity)
-    return limit, with_hips, falling
+    return (
+        limit,
+        with_hips,
+        replace(with_hips, fall=params.com_height.max_velocity),
+    )
+
+
+def _on_level_ground(scenario: Scenario, robot: RobotModel) -> Scenario:
+    """The scenario on flat ground, if any of its grounds is not level."""
+    grounds = (
+        scenario.terrain.ground(robot.sole, robot.params.size),
+        scenario.point_mass(robot).ground,
+    )
+    if all(ground is None or ground.is_level for ground in grounds):
+        return scenario
+    return scenario.changed(terrain=replace(scenario.terrain, name="flat"))
 
 
 def first_pushes(sweep: Sweep) -> dict[Cell, float]:
-    """Returns the first push of each cell, `BEGIN` times the limit with hips.
+    """The push with which the search of each cell begins.
 
-    Raises ValueError: the push is not within the walk.
+    It is `BEGIN` times the limit with hips; of a robot that stands,
+    `BEGIN_STANDING` sqrt(g z).
+
+    Args:
+        sweep: its cells and scenarios.
+
+    Returns:
+        Pushes [m/s].
+
+    Raises:
+        ValueError: the push is not within the walk.
     """
     limits: dict[Situation, tuple[LipmLimit, ...]] = {}
     model = load_robot(sweep.one.robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
     first = {}
     for cell in sweep.cells():
-        if (one := cell[:2]) not in limits:
-            limits[one] = limits_of(sweep.scenarios[one[0]], one)
-        if not limits[one]:
-            first[cell] = BEGIN_STANDING * speed
-            continue
-        limit = replace(limits[one][1], on=switches.NAMED[cell.mechanisms])
-        first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
+        situation = cell[:2]
+        if situation not in limits:
+            limits[situation] = limits_of(
+                sweep.scenarios[cell.scenario], situation
+            )
+        first[cell] = BEGIN_STANDING * speed
+        if limits[situation]:
+            limit = replace(limits[situation][1], on=NAMED[cell.mechanisms])
+            first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 
 
 def known_limits(folder: Path) -> dict[Cell, float]:
-    """Limits [m/s] of a sweep's limits.csv; ValueError or OSError: none."""
-    found = {}
+    """The limits that a sweep has found.
+
+    Args:
+        folder: of the sweep.
+
+    Returns:
+        Limits [m/s] by cell; 0 where none is known.
+
+    Raises:
+        ValueError: it has no such limits.csv.
+        OSError: it cannot be read.
+    """
+    limits = {}
     try:
         with open(folder / LIMITS, encoding="utf-8", newline="") as file:
             for line in csv.DictReader(file):
@@ -242,9 +387,11 @@ def known_limits(folder: Path) -> dict[Cell, float]:
                 limit = float(line["recovered"] or 0.0)
                 if not (0.0 <= angle < 360.0 and 0.0 <= limit <= MOST):
                     raise ValueError
-                found[Cell.of(line | {"direction_deg": angle})] = limit
+                limits[Cell.of(line | {"direction_deg": angle})] = limit
+        if not limits:
+            raise ValueError
     except (csv.Error, KeyError, TypeError, ValueError):
-        found = {}  # of one that is no sweep's, nothing is known
-    if not found:
-        raise ValueError(f"limits = {str(folder)!r}: must have a {LIMITS}")
-    return found
+        raise ValueError(
+            f"limits = {str(folder)!r}: must have a {LIMITS}"
+        ) from None
+    return limits

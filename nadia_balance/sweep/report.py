@@ -10,22 +10,28 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from statistics import fmean
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.projections.polar import PolarAxes
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.mechanisms import COLORS
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
 from nadia_balance.sweep.limits import LIMITS, OTHERS, WORST, LimitTable, Record
-from nadia_balance.sweep.trials import DIGITS, OUTCOMES, Rows, with_digits
+from nadia_balance.sweep.trials import (
+    DIGITS,
+    OUTCOMES,
+    Rows,
+    Situation,
+    with_digits,
+)
 
 PICTURE, TABLES = "envelope.png", "tables.md"
 
@@ -57,32 +63,33 @@ _TABLES = (
 
 # Names of directions [deg], relative to the heading of the stance foot.
 WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
-# One hue, darker for more mechanisms: readable without colours, too.
-_TINTS = ("#b5cdf5", "#82a8ee", "#4f80e4", palette.ICP, "#102a78")
-COLORS = dict(zip(NAMED, (*_TINTS, *_TINTS[:3], _TINTS[-1]), strict=True))
-PAPER_LINE = {"color": "#3d4552", "ls": (0, (4, 2)), "lw": 1.5}
 LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass, computed"
 HIPS_LABEL = "and with the momentum\nof the upper body"
 BEYOND = "#eceef2"
-HIPS_LINE = {"color": FAINT, "ls": ":", "lw": 1.4}
-LINE = {"lw": 1.8, "marker": "o", "ms": 5.0}
-NUMBER = {"ha": "center", "va": "center", "fontsize": 9, "zorder": 4.0}
 _MOST_NUMBERS = 16  # with more directions, limits are not written [-]
 _PANEL, _KEY, _COLUMNS = 6.0, 2.5, 2  # sizes [in]; columns of panels
 
 
 def write_report(limits: LimitTable, rows: Rows) -> list[str]:
-    """Writes picture, tables and CSV beside the `rows`; returns their names.
+    """Writes picture, tables and CSV beside the rows.
 
-    Raises OSError: they cannot be written; then none is.
+    Args:
+        limits: of the sweep.
+        rows: from which they follow.
+
+    Returns:
+        The names of the files.
+
+    Raises:
+        OSError: they cannot be written; then none is.
     """
-    with mpl.rc_context(RC), appearing(rows.folder) as drafts:
+    with mpl.rc_context(cast(Any, RC)), appearing(rows.folder) as drafts:
         draw_envelope(limits).savefig(drafts / PICTURE)
-        text = report_text(limits, rows)
-        (drafts / TABLES).write_text(text, encoding="utf-8")
+        (drafts / TABLES).write_text(
+            report_text(limits, rows), encoding="utf-8"
+        )
         with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
-            head = limits.records[0]
-            lines = csv.DictWriter(file, head, lineterminator="\n")
+            lines = csv.DictWriter(file, limits.records[0], lineterminator="\n")
             lines.writeheader()
             for record in limits.records:
                 lines.writerow(with_digits(record, [*OTHERS, *WORST]))
@@ -90,9 +97,17 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
 
 
 def report_text(limits: LimitTable, rows: Rows) -> str:
-    """Returns the text of tables.md."""
-    assumed = "; or ".join(limits.assumptions) or "a robot that steps already"
-    notes = _NOTES.format(assumed).replace("\n", " ")
+    """Writes down what was done, and a table of each kind for each situation.
+
+    Args:
+        limits: of the sweep.
+        rows: from which they follow.
+
+    Returns:
+        The text of tables.md.
+    """
+    assumptions = "; or ".join(limits.assumptions)
+    notes = _NOTES.format(assumptions or "a robot that steps already")
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
@@ -106,7 +121,7 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
     parts = [
         f"# Push-recovery envelope: {robot}",
         f"![envelope]({PICTURE})",
-        textwrap.fill(notes, 80, break_on_hyphens=False),
+        textwrap.fill(notes.replace("\n", " "), 80, break_on_hyphens=False),
         table(["sweep", ""], done.items()),
     ]
     for situation in limits.situations:
@@ -117,68 +132,122 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
 
 
 def outcomes(rows: Rows) -> str:
-    """How many trials ended how, in words."""
+    """Counts how many trials ended how.
+
+    Args:
+        rows: of the trials.
+
+    Returns:
+        Words, such as "3: 2 recovered, 1 fell".
+    """
     counts = Counter(row["outcome"] for row in rows.all)
-    told = ", ".join(f"{counts[n]} {n}" for n in OUTCOMES if counts[n])
-    return f"{len(rows.all)}: {told}"
+    words = ", ".join(f"{counts[n]} {n}" for n in OUTCOMES if counts[n])
+    return f"{len(rows.all)}: {words}"
 
 
-def table_of(limits: LimitTable, situation, kind: Kind) -> tuple[str, str]:
-    """Returns the title, and a table of directions by mechanisms."""
-    name, title, digits, other = kind
+def table_of(
+    limits: LimitTable, situation: Situation, kind: Kind
+) -> tuple[str, str]:
+    """Makes a table of directions by mechanisms, with their means.
 
-    def text(records: Sequence[Record]) -> str:
-        """The mean of the known values."""
-        known = [
-            record[name] / (record[other] if other else 1.0)
-            for record in records
-            if record[name] is not None and (not other or record[other])
-        ]
-        unsure = mark(records) if name == "recovered" else ""
-        return f"{unsure}{fmean(known):.{digits}f}" if known else "–"
+    Args:
+        limits: of the sweep.
+        situation: gait and moment of the push.
+        kind: what it has.
 
+    Returns:
+        Its title, and the table.
+    """
     columns = [limits.of(one, situation) for one in limits.mechanisms]
     lines = [
-        [f"{records[0]['direction_deg']:g}", *(text([r]) for r in records)]
+        [
+            f"{records[0]['direction_deg']:g}",
+            *(_mean([one], kind) for one in records),
+        ]
         for records in zip(*columns, strict=True)
     ]
-    lines.append(["mean", *map(text, columns)])
-    names = map(limits.title, limits.mechanisms)
-    return title, table(["direction", *names], lines)
+    lines.append(["mean", *(_mean(column, kind) for column in columns)])
+    head = ["direction", *map(limits.title, limits.mechanisms)]
+    return kind[1], table(head, lines)
+
+
+def _mean(records: Sequence[Record], kind: Kind) -> str:
+    """The mean of the known values, marked if it is not sure."""
+    name, _, digits, divisor = kind
+    values = [
+        record[name] / (record[divisor] if divisor else 1.0)
+        for record in records
+        if record[name] is not None and (not divisor or record[divisor])
+    ]
+    if not values:
+        return "–"
+    text = f"{fmean(values):.{digits}f}"
+    return mark(records) + text if name == "recovered" else text
 
 
 def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """Returns a table; its columns are aligned right."""
-    whole = [head, *lines]
-    widths = [max(3, *map(len, column)) for column in zip(*whole, strict=True)]
-    texts = (" | ".join(map(str.rjust, line, widths)) for line in whole)
+    """Makes a Markdown table; its columns are aligned right.
+
+    Args:
+        head: title of each column.
+        lines: cells of each row.
+
+    Returns:
+        The table, without a line break at its end.
+    """
+    rows = [head, *lines]
+    widths = [max(3, *map(len, column)) for column in zip(*rows, strict=True)]
+    texts = (" | ".join(map(str.rjust, row, widths)) for row in rows)
     first, *others = [f"| {text} |" for text in texts]
     rule = "|".join("-" * (width + 1) + ":" for width in widths)
     return "\n".join([first, f"|{rule}|", *others])
 
 
 def mark(records: Iterable[Record]) -> str:
-    """Returns `~` if a search has not ended, or knows no push that failed."""
-    sure = all(r["complete"] and r["failed"] is not None for r in records)
-    return "" if sure else "~"
+    """Marks what is not sure.
+
+    Args:
+        records: of which something is told.
+
+    Returns:
+        `~` if a search has not ended, or knows no push that failed.
+    """
+    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
+    return "" if is_sure else "~"
 
 
 def draw_envelope(limits: LimitTable) -> Figure:
-    """Draws a panel for each situation, with its references."""
-    count = len(limits.situations)
-    columns = min(count, _COLUMNS)
-    rows = math.ceil(count / columns)
-    size = columns * _PANEL + _KEY, rows * _PANEL + 0.4
-    fig = Figure(figsize=size, layout="constrained")
+    """Draws a panel for each situation, with its references.
+
+    Args:
+        limits: of the sweep.
+
+    Returns:
+        The picture.
+    """
+    columns = min(len(limits.situations), _COLUMNS)
+    rows = math.ceil(len(limits.situations) / columns)
+    fig = Figure(
+        figsize=(columns * _PANEL + _KEY, rows * _PANEL + 0.4),
+        layout="constrained",
+    )
     for number, situation in enumerate(limits.situations, start=1):
-        ax = fig.add_subplot(rows, columns, number, projection="polar")
+        ax = cast(
+            PolarAxes,
+            fig.add_subplot(rows, columns, number, projection="polar"),
+        )
         _draw_directions(ax, limits)
         ax.set_title(", ".join(situation), fontsize=10.5)
         _draw_curves(ax, limits, situation)
     _draw_key(fig, limits)
-    robot, plant = limits.identity["robot"], limits.identity["plant"]
-    what = f"Largest recovered push, by direction   ·   {robot}, {plant}"
-    fig.suptitle(what, x=0.01, ha="left", fontsize=12, color=TEXT)
+    fig.suptitle(
+        "Largest recovered push, by direction   ·   "
+        f"{limits.identity['robot']}, {limits.identity['plant']}",
+        x=0.01,
+        ha="left",
+        fontsize=12,
+        color=TEXT,
+    )
     return fig
 
 
@@ -186,8 +255,11 @@ def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
     eighths = all(r["direction_deg"] % 45.0 == 0.0 for r in limits.records)
     angles = np.arange(0.0, 360.0, 45.0 if eighths else 30.0)
     ax.set_theta_zero_location("N")
-    words = [WORDS.get(angle, f"{angle:g}°") for angle in angles]
-    ax.set_thetagrids(angles, words, color=TEXT)
+    ax.set_thetagrids(
+        angles,
+        [WORDS.get(angle, f"{angle:g}°") for angle in angles],
+        color=TEXT,
+    )
     ax.yaxis.set_major_formatter(lambda ring, _: f"{ring:g} m/s")
     ax.tick_params(axis="y", labelcolor=FAINT, labelsize=8.5)
     ax.set_rlabel_position(105.0)
@@ -195,61 +267,113 @@ def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
     ax.spines[:].set_visible(False)
 
 
-def _draw_curves(ax: PolarAxes, limits: LimitTable, situation) -> None:
+def _draw_curves(
+    ax: PolarAxes, limits: LimitTable, situation: Situation
+) -> None:
     """Draws the limits over those of the paper and of any controller."""
-    most = limits.mechanisms[-1]
-    records = limits.of(most, situation)
-    ax.plot(*closed(_curve(records, "with_hips")), zorder=0.6, **HIPS_LINE)
-    area = closed(_curve(records, "limit"))
-    if area.shape[1] > 3:
-        ax.set_facecolor(BEYOND)
-        ax.fill(*area, fc="white", ec=FAINT, zorder=0.5)
+    last = limits.mechanisms[-1]
+    records = limits.of(last, situation)
+    _draw_limit(ax, records)
     for mechanisms in reversed(limits.mechanisms):
         line = closed(_curve(limits.of(mechanisms, situation), "recovered"))
         color = COLORS[mechanisms]
         if line.shape[1] > 3:
             pale = [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
             ax.fill(*line, color=pale, lw=0, zorder=2.0)
-        ax.plot(*line, zorder=2.5, color=color, label=mechanisms, **LINE)
-    for record in records if len(records) <= _MOST_NUMBERS else ():
-        if record["recovered"] is not None:
-            _write(ax, record)
-    if protocol := limits.protocol(situation):
-        curve = protocol.curves(situation[0]).get(most, {})
-        ax.plot(*closed(curve), zorder=3.0, **PAPER_LINE)
+        ax.plot(
+            *line,
+            color=color,
+            lw=1.8,
+            marker="o",
+            ms=5.0,
+            zorder=2.5,
+            label=mechanisms,
+        )
+    if len(records) <= _MOST_NUMBERS:
+        _write_numbers(ax, records)
+    protocol = limits.protocol(situation)
+    if protocol:
+        ax.plot(
+            *closed(protocol.curves(situation[0]).get(last, {})),
+            color="#3d4552",
+            ls=(0, (4, 2)),
+            lw=1.5,
+            zorder=3.0,
+            label=protocol.paper,
+        )
     ax.set_rlim(0.0, max(1.1 * ax.get_rmax(), 1e-3))
+
+
+def _draw_limit(ax: PolarAxes, records: Iterable[Record]) -> None:
+    """Draws the limits of any controller, without and with the hips."""
+    ax.plot(
+        *closed(_curve(records, "with_hips")),
+        color=FAINT,
+        ls=":",
+        lw=1.4,
+        zorder=0.6,
+        label=HIPS_LABEL,
+    )
+    area = closed(_curve(records, "limit"))
+    if area.shape[1] > 3:
+        ax.set_facecolor(BEYOND)
+        ax.fill(*area, fc="white", ec=FAINT, zorder=0.5)
 
 
 def _curve(records: Iterable[Record], name: str) -> dict[float, float]:
     """The known values of a column, by direction [deg]."""
-    found = {r["direction_deg"]: r[name] for r in records}
-    return {angle: v for angle, v in found.items() if v is not None}
+    return {
+        record["direction_deg"]: record[name]
+        for record in records
+        if record[name] is not None
+    }
 
 
 def closed(curve: dict[float, float]) -> Array:
-    """The angles [rad] and radii (2, n) of a closed line."""
+    """Closes a line around the origin.
+
+    Args:
+        curve: radii by angle [deg].
+
+    Returns:
+        Angles [rad] and radii, (2, n); the last point is the first one.
+    """
     angles = [*sorted(curve), *sorted(curve)[:1]]
     return np.array([np.radians(angles), [curve[angle] for angle in angles]])
 
 
-def _write(ax: PolarAxes, record: Record) -> None:
-    """Writes a number beside its dot, outward."""
-    angle = math.radians(record["direction_deg"])
-    words = f"{mark([record])}{record['recovered']:.2f}"
-    outward = -15.0 * math.sin(angle), 12.0 * math.cos(angle)
-    place = (angle, record["recovered"]), outward, "data", "offset points"
-    ax.annotate(words, *place, color=COLORS[record["mechanisms"]], **NUMBER)
+def _write_numbers(ax: PolarAxes, records: Iterable[Record]) -> None:
+    """Writes the known limits beside their dots, outward."""
+    for record in records:
+        if record["recovered"] is not None:
+            angle = math.radians(record["direction_deg"])
+            ax.annotate(
+                f"{mark([record])}{record['recovered']:.2f}",
+                xy=(angle, record["recovered"]),
+                xytext=(-15.0 * math.sin(angle), 12.0 * math.cos(angle)),
+                textcoords="offset points",
+                color=COLORS[record["mechanisms"]],
+                ha="center",
+                va="center",
+                fontsize=9,
+                zorder=4.0,
+            )
 
 
 def _draw_key(fig: Figure, limits: LimitTable) -> None:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=COLORS[name], label=limits.title(name), **LINE)
-        for name in limits.mechanisms
-    ]
-    if protocol := limits.protocol(limits.situations[0]):
-        handles.append(Line2D([], [], label=protocol.paper, **PAPER_LINE))
-    handles += [
-        Patch(facecolor=BEYOND, edgecolor=FAINT, label=LIMIT_LABEL),
-        Line2D([], [], label=HIPS_LABEL, **HIPS_LINE),
-    ]
-    fig.legend(handles=handles, loc="outside right center", fontsize=9.5)
+    """Explains the lines of the first panel, and the area beyond the limit."""
+    lines = {str(line.get_label()): line for line in fig.axes[0].lines}
+    labels = {name: limits.title(name) for name in limits.mechanisms}
+    protocol = limits.protocol(limits.situations[0])
+    if protocol:
+        labels[protocol.paper] = protocol.paper
+    fig.legend(
+        handles=[
+            *(lines[name] for name in labels),
+            Patch(facecolor=BEYOND, edgecolor=FAINT),
+            lines[HIPS_LABEL],
+        ],
+        labels=[*labels.values(), LIMIT_LABEL, HIPS_LABEL],
+        loc="outside right center",
+        fontsize=9.5,
+    )

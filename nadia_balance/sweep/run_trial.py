@@ -8,9 +8,10 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent import futures
+from typing import Any, cast
 
-from distributed import Client, LocalCluster
-from distributed.comm import get_address_host_port
+import distributed
+from dask.system import CPU_COUNT
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from tqdm import tqdm
@@ -19,6 +20,7 @@ from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.verdict import RecoveryWatch, push_signal
 from nadia_balance.parameters.yaml_reader import load_typed
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.results.summary import Run
@@ -27,7 +29,9 @@ from nadia_balance.sweep.search import Sweep
 from nadia_balance.sweep.trials import (
     FROM_SUMMARY,
     Cell,
+    Identity,
     Results,
+    Row,
     Rows,
     of_process,
     results_of,
@@ -36,41 +40,69 @@ from nadia_balance.sweep.trials import (
 CONNECT_TIMEOUT = 5.0  # [s]
 LOOK = 0.2  # period of the checks whether to stop [s]
 MOST_WALKS = 32  # walks that a process keeps, about 10 MB each
+MOST_WORKERS = 4 * CPU_COUNT
 
 
 @contextlib.contextmanager
 def open_workers(
     workers: int, scheduler: str | None = None
 ) -> Iterator[futures.Executor]:
-    """Yields an Executor; what runs at the end of the block is abandoned.
+    """Opens an Executor; what runs at the end of the block is abandoned.
 
-    It has `workers` processes of this machine, or all workers of the Dask
-    cluster of the `scheduler`.
+    Args:
+        workers: number of processes of this machine, at most MOST_WORKERS.
+        scheduler: address of a Dask cluster, tcp://host:port, all of whose
+            workers are taken instead; None: this machine.
 
-    Raises ValueError: no worker, or no such scheduler.
+    Yields:
+        The Executor.
+
+    Raises:
+        ValueError: no worker, too many, or no such scheduler.
     """
+    with _client(workers, scheduler) as client:
+        yield client.get_executor(pure=False)
+
+
+@contextlib.contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
+    """Yields Dask's Client, which is untyped; as open_workers."""
+    dask: Any = distributed
     if scheduler is None:
-        if workers < 1:
-            raise ValueError(f"workers = {workers}: must be >= 1")
-        # The scheduler's pages: at any free port, as 8787 may be taken.
-        less = {"dashboard_address": "127.0.0.1:0", "memory_limit": None}
-        less |= {"threads_per_worker": 1, "silence_logs": logging.CRITICAL}
-        cluster = LocalCluster(n_workers=workers, host="127.0.0.1", **less)
-        with cluster, Client(cluster, set_as_default=False) as client:
+        if not 1 <= workers <= MOST_WORKERS:
+            raise ValueError(
+                f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 "
+                "for each core"
+            )
+        with (
+            dask.LocalCluster(
+                n_workers=workers,
+                host="127.0.0.1",
+                # The scheduler's pages: at any free port, 8787 may be taken.
+                dashboard_address="127.0.0.1:0",
+                memory_limit=None,
+                threads_per_worker=1,
+                silence_logs=logging.CRITICAL,
+            ) as cluster,
+            dask.Client(cluster, set_as_default=False) as client,
+        ):
             client.run(os.setsid)  # Ctrl-C interrupts only this process
-            yield client.get_executor(pure=False)
+            yield client
         return
-    own = {"timeout": CONNECT_TIMEOUT, "set_as_default": False}
     try:
-        get_address_host_port(scheduler)  # or else the Client may hang
-        client = Client(scheduler, **own)
+        # Or else the Client may hang.
+        dask.comm.get_address_host_port(scheduler)
+        client = dask.Client(
+            scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False
+        )
     except (OSError, OverflowError, ValueError) as error:
-        why = f"must be a Dask scheduler ({error})"
-        raise ValueError(f"scheduler = {scheduler!r}: {why}") from None
+        raise ValueError(
+            f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
+        ) from None
     with client:
         if not client.nthreads():
             raise ValueError(f"scheduler = {scheduler!r}: must have workers")
-        yield client.get_executor(pure=False)
+        yield client
 
 
 def run_sweep(
@@ -79,110 +111,168 @@ def run_sweep(
     executor: futures.Executor,
     stopped: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Adds to `rows` all trials that they lack; returns True if it was done.
+    """Makes all trials that the rows lack.
 
     Each cell is a task of the executor; its rows are added when it ends, so
-    that they depend neither on the number of workers nor on their order.  When
-    `stopped` returns True, running cells are abandoned.
+    that they depend neither on the number of workers nor on their order.
 
-    Raises RuntimeError: a worker fails; errors of a trial are in its row.
+    Args:
+        sweep: its cells and their search.
+        rows: opened; the trials are added to them.
+        executor: makes the trials.
+        stopped: once it returns True, running cells are abandoned.
+
+    Returns:
+        True if all was done.
+
+    Raises:
+        RuntimeError: a worker fails; errors of a trial are in its row.
     """
-    known = rows.by_cell()
-    running = set()
-    for cell in sweep.cells():
-        task = sweep, rows.identity, cell, results_of(known.get(cell, []))
-        running.add(executor.submit(search, *task))
-    seldom = 0.5 if sys.stderr.isatty() else 30.0
-    with tqdm(total=len(running), unit="limit", mininterval=seldom) as bar:
+    earlier = rows.by_cell()
+    running = {
+        executor.submit(
+            search,
+            sweep,
+            rows.identity,
+            cell,
+            results_of(earlier.get(cell, [])),
+        )
+        for cell in sweep.cells()
+    }
+    with tqdm(
+        total=len(running),
+        unit="limit",
+        mininterval=0.5 if sys.stderr.isatty() else 30.0,
+    ) as bar:
         while running and not stopped():
-            until = LOOK, futures.FIRST_COMPLETED
-            ended, running = futures.wait(running, *until)
+            ended, running = futures.wait(
+                running, timeout=LOOK, return_when=futures.FIRST_COMPLETED
+            )
             for future in ended:
-                try:
-                    found = future.result()
-                except Exception as error:
-                    reason = f"{type(error).__name__}: {error}"
-                    raise RuntimeError(f"a worker failed: {reason}") from error
-                for row in found:
+                for row in _rows_of(future):
                     rows.add(row)
                 bar.update()
     return not running
 
 
-def search(sweep: Sweep, identity: dict, cell: Cell, known: Results) -> list:
-    """Makes the trials that the search of `cell` needs; returns their rows.
+def _rows_of(future: "futures.Future[list[Row]]") -> list[Row]:
+    try:
+        return future.result()
+    except Exception as error:
+        raise RuntimeError(
+            f"a worker failed: {type(error).__name__}: {error}"
+        ) from error
 
-    It is repeated from its beginning: the `known` ones are not made again.
 
-    Raises ValueError: this process has another code or robot than `identity`.
+def search(
+    sweep: Sweep, identity: Identity, cell: Cell, earlier: Results
+) -> list[Row]:
+    """Makes the trials that the search of a cell needs.
+
+    It is repeated from its beginning.
+
+    Args:
+        sweep: the search and its parameters.
+        identity: what all trials share, see Sweep.identity.
+        cell: whose limit is searched.
+        earlier: results of trials that are not made again; those of the new
+            ones are added.
+
+    Returns:
+        The rows of the new trials.
+
+    Raises:
+        ValueError: this process has another code or robot than `identity`.
     """
     for name, value in of_process(sweep.one, sweep.controller).items():
         if identity.get(name, value) != value:
-            why = f"must be {identity[name]}, as when the sweep began"
-            raise ValueError(f"{name} = {value}: {why}")
+            raise ValueError(
+                f"{name} = {value}: must be {identity[name]}, as when the "
+                "sweep began"
+            )
     results: Results = {}
     rows = []
     while batch := sweep.attempts(cell, results):
         for attempt in batch:
-            if attempt not in known:
+            if attempt not in earlier:
                 rows.append(run_trial(sweep, cell, *attempt))
-                known |= results_of(rows[-1:])
-            results[attempt] = known[attempt]
+                earlier |= results_of(rows[-1:])
+            results[attempt] = earlier[attempt]
     return rows
 
 
-def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> dict:
-    """Simulates one push of `delta_v` [m/s], and returns its row.
+def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
+    """Simulates one push.
 
     The verdict is that of push.py, at the first instant at which it is certain:
-    an improper contact, an exceeded limit, or a recovery.  `outcome` is
-    recovered, fell, failed (upright, but not recovered), undecided (the run
-    ended too early) or error: those of the simulation are not raised.
+    an improper contact, an exceeded limit, or a recovery.
+
+    Args:
+        sweep: the scenarios, the plant and the controller.
+        cell: conditions of the push.
+        delta_v: its size [m/s].
+        replica: from 0 on, see Sweep.walk.
+
+    Returns:
+        The row of the trial.  Its `outcome` is recovered, fell, failed
+        (upright, but not recovered), undecided (the run ended too early) or
+        error: those of the simulation are not raised.
     """
     walk = sweep.walk(cell, replica)
-    row = cell._asdict() | {"delta_v": delta_v, "replica": replica}
-    row["seed"] = walk.seed
-    system = sweep.plant, sweep.controller, threading.get_ident()
-    diagram, walked, run = _walked(dump(walk), *system)
+    diagram, walked, run = _walked(
+        dump(walk), sweep.plant, sweep.controller, threading.get_ident()
+    )
     try:
         push = simulation.pushed(diagram, walked, delta_v, cell.direction_deg)
-        row |= _ended(diagram, push, run)
+        verdict = _ended(diagram, push, run)
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        row |= {"outcome": "error", "reason": reason}
-    return row
+        verdict = {
+            "outcome": "error",
+            "reason": f"{type(error).__name__}: {error}",
+        }
+    return {
+        **cell._asdict(),
+        "delta_v": delta_v,
+        "replica": replica,
+        "seed": walk.seed,
+        **verdict,
+    }
 
 
 @functools.lru_cache(MOST_WALKS)
-def _walked(text: str, plant: str, controller: str, thread: int) -> tuple:
+def _walked(
+    text: str, plant: str, controller: str, thread: int
+) -> tuple[ClosedLoop, Context, Run]:
     """Diagram, Context and Run at the push; threads do not share diagrams."""
-    scenario = load_typed(Scenario, "walk", data=text)
-    diagram = simulation.closed_loop(scenario, plant, controller)
+    diagram = simulation.closed_loop(
+        load_typed(Scenario, "walk", data=text), plant, controller
+    )
     return diagram, *simulation.walk_to_push(diagram)
 
 
-def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> dict:
+def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> Row:
     """Returns the verdict of a `push`; of the `run` to it if that ended early.
 
     `predicted_at_push` is the least number of steps that capture the point mass
     at the end of the push, -1 for none; None if the push did not end, or for a
     policy, which has no plan.
     """
-    scenario, watch = diagram.scenario, simulation.RecoveryWatch(diagram)
-    plans = diagram.HasOutputPort("walking_state")
+    scenario, watch = diagram.scenario, RecoveryWatch(diagram)
+    has_plan = diagram.HasOutputPort("walking_state")
     at_push: int | None = None
 
     def decided(context: Context) -> bool:
         nonlocal at_push
-        signal = simulation.push_signal(diagram, context)
-        if plans and at_push is None and signal.waiting == 0.0:
+        is_over = push_signal(diagram, context).waiting == 0.0
+        if has_plan and at_push is None and is_over:
             model = scenario.point_mass(diagram.robot)
             at_push = limit_from(diagram, context, model=model).least_steps()
         return watch(context)
 
     if run.until:
-        ends = {"stop_at_failure": True, "until": decided}
-        run = simulation.advance(push, scenario.duration, **ends)
+        run = simulation.advance(
+            push, scenario.duration, stop_at_failure=True, until=decided
+        )
     summary = run.summary
     outcome = "fell" if run.fell_at is not None else summary["outcome"]
     return {
@@ -192,10 +282,19 @@ def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> dict:
     }
 
 
-def limit_from(diagram: ClosedLoop, context: Context, **more) -> LipmLimit:
-    """The limit of any controller from the state in `context` on."""
+def limit_from(diagram: ClosedLoop, context: Context, **more: Any) -> LipmLimit:
+    """The limit of any controller from an instant of a simulation on.
+
+    Args:
+        diagram: of our controller.
+        context: the diagram's, at that instant.
+        **more: `model`, and other fields of LipmLimit.
+
+    Returns:
+        The limit of a point mass.
+    """
     state, icp, swing = (
-        diagram.GetOutputPort(name).Eval(context)
+        cast(Any, diagram.GetOutputPort(name).Eval(context))
         for name in ("walking_state", "icp", "swing_foot_reference")
     )
     scenario = diagram.scenario

@@ -6,37 +6,62 @@ increases the push in strides until it fails, bisects the interval to one
 resolution, and then confirms the push it found and the next smaller one tried.
 """
 
-import functools
 import itertools
 import math
 from bisect import bisect_left
-from dataclasses import asdict, dataclass, field
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, NamedTuple
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import AT, Scenario
-from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.parameters.yaml_writer import dump
-from nadia_balance.sweep.trials import Cell, Results, Trial, digest, of_process
+from nadia_balance.sweep.trials import (
+    Cell,
+    Identity,
+    Results,
+    Trial,
+    digest,
+    of_process,
+)
 
 
-@dataclass(kw_only=True)
+@parameters
 class SearchParams:
     """Resolution, strides and replicas of a search."""
 
-    # Resolution of the limit.
-    resolution: float = bounded(0.02, least=1e-4, most=1.0, unit="m/s")
-    # Increments before the first failure, in resolutions [-].
-    stride: int = bounded(8, least=1, most=1000)
-    replicas: int = bounded(5, least=1, most=1000)  # of the same push [-]
-    largest: float = 3.0  # no push is larger [m/s]
+    resolution: float = bounded(
+        0.02, doc="of the limit", least=1e-4, most=1.0, unit="m/s"
+    )
+    stride: int = bounded(
+        8,
+        doc="increments before the first failure, in resolutions",
+        least=1,
+        most=1000,
+    )
+    replicas: int = bounded(5, doc="of the same push", least=1, most=1000)
+    largest: float = bounded(3.0, doc="push, in m/s")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "SearchParams":
+        """The parameters that have been given; defaults for all others.
+
+        Args:
+            values: by the names of fields, and more.
+
+        Returns:
+            The parameters, unchecked.
+        """
+        names = [one.name for one in fields(cls) if one.name in values]
+        return cls(**{name: values[name] for name in names})
 
     @property
     def required(self) -> int:
         """Number of replicas that must recover: four in five, rounded up."""
         return -(-4 * self.replicas // 5)
 
-    @functools.cached_property
+    @property
     def grid(self) -> tuple[float, ...]:
         """Zero and all pushes that may be tried [m/s], to nine decimals."""
         count = math.floor(self.largest / self.resolution * (1.0 + 1e-9))
@@ -45,27 +70,43 @@ class SearchParams:
 
 @dataclass(kw_only=True)
 class Sweep:
-    """Scenarios with one push each, and all variations of the push."""
+    """Scenarios with one push each, and all variations of the push.
 
-    scenarios: dict[str, Scenario]  # by name, all of one robot
-    plant: str = "humanoid"  # or lipm
-    controller: str = ""  # file of a policy in the place of our controller
-    directions: tuple[float, ...] = (0.0,)  # each in [0, 360) [deg]
-    at: tuple[str, ...] = (AT,)  # as Moment writes it
+    Attributes:
+        scenarios: by name, all of one robot.
+        plant: humanoid, or lipm.
+        controller: file of a policy in the place of our controller.
+        directions: each in [0, 360) [deg].
+        at: moments of the push, as Moment writes them.
+        mechanisms: names of NAMED.
+        search: of each limit.
+        first: push of each cell [m/s].
+    """
+
+    scenarios: dict[str, Scenario]
+    plant: str = "humanoid"
+    controller: str = ""
+    directions: tuple[float, ...] = (0.0,)
+    at: tuple[str, ...] = (AT,)
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
     search: SearchParams = field(default_factory=SearchParams)
-    first: dict[Cell, float] = field(default_factory=dict)  # pushes [m/s]
+    first: dict[Cell, float] = field(default_factory=dict)
 
     def validate(self) -> None:
-        """Raises ValueError that names field, value and what is allowed."""
+        """Checks the search, the scenarios and their pushes.
+
+        Raises:
+            ValueError: names field, value and what is allowed.
+        """
         check(self.search)
         for name, scenario in self.scenarios.items():
             given = scenario.robot, scenario.seed, scenario.engine
             shared = self.one.robot, self.one.seed, self.one.engine
             if len(scenario.pushes) != 1 or given != shared:
-                own = "the robot, seed and engine of the other scenarios"
-                why = f"must have one push, and {own}"
-                raise ValueError(f"scenario_name = {name!r}: {why}")
+                raise ValueError(
+                    f"scenario_name = {name!r}: must have one push, and the "
+                    "robot, seed and engine of the other scenarios"
+                )
         for cell in self.cells():
             if cell.direction_deg == self.directions[0]:
                 check(self.walk(cell, replica=0))
@@ -76,20 +117,43 @@ class Sweep:
         return next(iter(self.scenarios.values()))
 
     def cells(self) -> list[Cell]:
-        """Returns all cells, by situation, mechanisms and direction."""
-        several = self.scenarios, self.at, self.mechanisms, self.directions
-        return [Cell(*one) for one in itertools.product(*several)]
+        """The cells whose limits are searched.
+
+        Returns:
+            All cells, by situation, mechanisms and direction.
+        """
+        return [
+            Cell(*conditions)
+            for conditions in itertools.product(
+                self.scenarios, self.at, self.mechanisms, self.directions
+            )
+        ]
 
     def attempts(self, cell: Cell, results: Results) -> list[Trial]:
-        """Returns the trials of a `cell` to make next; empty when done."""
+        """The trials to make next.
+
+        Args:
+            cell: whose limit is searched.
+            results: of its trials until now.
+
+        Returns:
+            A batch (see next_batch); empty when done.
+        """
         return next_batch(results, self.search, self.first.get(cell, 0.0))
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
-        """Returns the scenario of a trial, with a zero push.
+        """The scenario of a trial, with a zero push.
 
         Replica 0 is the scenario of push.py with the same flags; other replicas
         have other seeds, which shift the start slightly, and in odd ones the
         push begins one control period later.
+
+        Args:
+            cell: its conditions.
+            replica: from 0 on.
+
+        Returns:
+            A scenario of its own.
         """
         scenario = self.scenarios[cell.scenario]
         scenario = scenario.with_push(
@@ -105,38 +169,48 @@ class Sweep:
         scenario.pushes[0].delay += (replica % 2) * period
         return scenario
 
-    def identity(self) -> dict:
-        """Returns what all trials of a folder share, as JSON: no cells."""
+    def identity(self) -> Identity:
+        """What all trials of a folder share.
+
+        Returns:
+            JSON, without the cells.
+        """
         # The walks, without what differs between the cells.
-        walks = (
-            self.walk(Cell(n, AT, "icp_only", 0.0), 0) for n in self.scenarios
-        )
-        common = [dump(walk).encode() for walk in walks]
+        walks = [
+            self.walk(Cell(name, AT, "icp_only", 0.0), replica=0)
+            for name in self.scenarios
+        ]
         return {
             "robot": self.one.robot,
             "scenario": ",".join(self.scenarios),
             "plant": self.plant,
             **asdict(self.search),
             "seed": self.one.seed,
-            "parameters": digest(common),
+            "parameters": digest(dump(walk).encode() for walk in walks),
             **of_process(self.one, self.controller),
         }
 
 
 class Limit(NamedTuple):
-    """Present knowledge of the limit between recovery and fall."""
+    """Present knowledge of the limit between recovery and fall.
 
-    # Largest push such that the robot recovers from it and from every smaller
-    # push that was tried; 0 if there is none, None if no trial was decided.
-    # Before the search is complete, a push counts if all its trials until now
-    # have recovered.
-    recovered: float | None  # [m/s]
-    # The smallest push that fails [m/s]; None if no failure is known.
+    Attributes:
+        recovered: largest push such that the robot recovers from it and from
+            every smaller push that was tried [m/s]; 0 if there is none, None if
+            no trial was decided.  Before the search is complete, a push counts
+            if all its trials until now have recovered.
+        failed: smallest push that fails [m/s]; None if no failure is known.
+        complete: the search has ended.
+    """
+
+    recovered: float | None
     failed: float | None
-    complete: bool  # the search has ended
+    complete: bool
 
 
-def _tried(results: Results, search: SearchParams) -> tuple:
+def _tried(
+    results: Results, search: SearchParams
+) -> tuple[dict[float, bool], float | None]:
     """All pushes [m/s] below the smallest that failed, and that.
 
     True: the push is in doubt, as one replica has not recovered, which others
@@ -146,9 +220,9 @@ def _tried(results: Results, search: SearchParams) -> tuple:
     for (delta_v, _), recovered in sorted(results.items()):
         outcomes.setdefault(delta_v, []).append(recovered)
     below: dict[float, bool] = {}
-    for delta_v, several in outcomes.items():
-        good, bad = several.count(True), several.count(False)
-        if None in several or bad > search.replicas - search.required:
+    for delta_v, replicas in outcomes.items():
+        good, bad = replicas.count(True), replicas.count(False)
+        if None in replicas or bad > search.replicas - search.required:
             return below, delta_v
         below[delta_v] = bad > 0 and good < search.required
     return below, None
@@ -157,18 +231,27 @@ def _tried(results: Results, search: SearchParams) -> tuple:
 def next_batch(
     results: Results, search: SearchParams, first: float = 0.0
 ) -> list[Trial]:
-    """Returns the attempts to make next; empty when done.
+    """The attempts to make next.
 
-    The first push is near `first` [m/s], or one stride if that is larger.  Each
-    batch is to be complete before the next call: the set of all attempts then
-    depends on their outcomes only.
+    The first push is near `first`, or one stride if that is larger.  Each batch
+    is to be complete before the next call: the set of all attempts then depends
+    on their outcomes only.
+
+    Args:
+        results: of all attempts until now.
+        search: its parameters.
+        first: push with which it begins [m/s].
+
+    Returns:
+        A batch; empty when done.
     """
-    grid, (below, failed) = search.grid, _tried(results, search)
+    grid = search.grid
+    below, failed = _tried(results, search)
     # Doubts come first: if these pushes fail, larger ones are not needed.
-    for delta_v, doubtful in below.items():
-        if doubtful:
+    for delta_v, is_doubtful in below.items():
+        if is_doubtful:
             more = ((delta_v, replica) for replica in itertools.count())
-            return [next(one for one in more if one not in results)]
+            return [next(attempt for attempt in more if attempt not in results)]
     # Places in the grid.
     lower = bisect_left(grid, max(below, default=0.0))
     upper = len(grid) if failed is None else bisect_left(grid, failed)
@@ -178,17 +261,27 @@ def next_batch(
             begin = max(round(first / search.resolution), search.stride)
             place = lower + search.stride if below else begin
         return [(grid[min(place, upper - 1)], 0)]
-    wanted = itertools.product(list(below)[-2:], range(search.required))
-    return [attempt for attempt in wanted if attempt not in results]
+    confirming = itertools.product(list(below)[-2:], range(search.required))
+    return [attempt for attempt in confirming if attempt not in results]
 
 
 def limit(results: Results, search: SearchParams) -> Limit:
-    """Returns the limit that follows from `results`, complete or not."""
+    """The limit that follows from the trials, complete or not.
+
+    Args:
+        results: of all attempts until now.
+        search: its parameters.
+
+    Returns:
+        What is known of it.
+    """
     if all(recovered is None for recovered in results.values()):
         return Limit(None, None, False)
     below, failed = _tried(results, search)
     sure = itertools.takewhile(lambda v: not below[v], below)
     undecided = {v for (v, _), good in results.items() if good is None}
-    failed = None if failed in undecided else failed
-    complete = not next_batch(results, search)
-    return Limit(max(sure, default=0.0), failed, complete)
+    return Limit(
+        recovered=max(sure, default=0.0),
+        failed=None if failed in undecided else failed,
+        complete=not next_batch(results, search),
+    )

@@ -14,7 +14,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO, cast
 
 from pydrake.common.yaml import yaml_dump_typed
 
@@ -27,22 +27,47 @@ from nadia_balance.robot.model import load_robot
 
 TRIALS = "trials.csv"
 RECOVERED, UNDECIDED = "recovered", "undecided"
-IDENTITY = "robot scenario plant resolution stride replicas largest".split()
+IDENTITY = (
+    "robot",
+    "scenario",
+    "plant",
+    "resolution",
+    "stride",
+    "replicas",
+    "largest",
+)
 MOST = 100.0  # no push is larger [m/s]
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error")
 
+Row = dict[str, Any]  # a trial, by the names of COLUMNS
+Identity = dict[str, Any]  # what all trials of a sweep share
+
 
 class Cell(NamedTuple):
-    """Conditions of one limit to find, named as the columns of a row."""
+    """Conditions of one limit to find, named as the columns of a row.
 
-    scenario: str  # its name
-    at: str  # when the push begins, as Moment writes it
-    mechanisms: str  # a name of NAMED
-    direction_deg: float  # 0 forward, 90 left, in [0, 360) [deg]
+    Attributes:
+        scenario: its name.
+        at: when the push begins, as Moment writes it.
+        mechanisms: a name of NAMED.
+        direction_deg: 0 forward, 90 left, in [0, 360) [deg].
+    """
+
+    scenario: str
+    at: str
+    mechanisms: str
+    direction_deg: float
 
     @classmethod
-    def of(cls, row: dict) -> "Cell":
-        """The cell of a row's trial."""
+    def of(cls, row: Row) -> "Cell":
+        """The cell of a row's trial.
+
+        Args:
+            row: of a trial, or of a limit.
+
+        Returns:
+            Its cell.
+        """
         return cls(*(row[name] for name in cls._fields))
 
 
@@ -55,9 +80,16 @@ Results = dict[Trial, bool | None]
 
 # Columns that are fields of a run's summary.
 FROM_SUMMARY = (
-    *("reason", "steps_after_push", "max_icp_error_m", "max_torque_ratio"),
-    *("max_joint_speed", "max_torso_tilt_deg", "max_pelvis_tilt_deg"),
-    *("com_sag_m", "positive_power_w", "qp_failures"),
+    "reason",
+    "steps_after_push",
+    "max_icp_error_m",
+    "max_torque_ratio",
+    "max_joint_speed",
+    "max_torso_tilt_deg",
+    "max_pelvis_tilt_deg",
+    "com_sag_m",
+    "positive_power_w",
+    "qp_failures",
 )
 
 DIGITS = 4  # significant ones: what a measured number is worth [-]
@@ -67,11 +99,18 @@ COLUMNS = (*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push")
 _TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
 
 
-def with_digits(row: dict, columns: Iterable[str]) -> dict:
-    """Returns a row whose floats in `columns` have `DIGITS` digits.
+def with_digits(row: Row, columns: Iterable[str]) -> Row:
+    """Rounds measured floats to `DIGITS` digits.
 
     Another processor, Python or Drake changes the digits beyond them.  A push
     that was tried is no measurement: it stays as it is, to the last bit.
+
+    Args:
+        row: of a trial, or of a limit.
+        columns: names of what is rounded.
+
+    Returns:
+        The rounded row.
     """
     measured = {
         name: float(f"{row[name]:.{DIGITS}g}")
@@ -81,42 +120,80 @@ def with_digits(row: dict, columns: Iterable[str]) -> dict:
     return {**row, **measured}
 
 
-def results_of(rows: list[dict]) -> Results:
-    """The results of the search of one cell, by its rows."""
-    good = {RECOVERED: True, UNDECIDED: None}
-    ended = {(r["delta_v"], r["replica"]): r["outcome"] for r in rows}
-    return {attempt: good.get(how, False) for attempt, how in ended.items()}
+def results_of(rows: list[Row]) -> Results:
+    """The results of the search of one cell.
+
+    Args:
+        rows: of its trials.
+
+    Returns:
+        True for a recovery, None for an undecided trial, by attempt.
+    """
+    recovered = {RECOVERED: True, UNDECIDED: None}
+    return {
+        (row["delta_v"], row["replica"]): recovered.get(row["outcome"], False)
+        for row in rows
+    }
 
 
 @dataclass
 class Rows:
-    """The rows in a folder, in the order in which the trials ended."""
+    """The rows in a folder, in the order in which the trials ended.
+
+    Attributes:
+        folder: of the sweep.
+        identity: what all trials share, see Sweep.identity.
+        all: the rows; missing numbers are None.
+        file: for `add`.
+    """
 
     folder: Path
-    identity: dict  # what all trials share, see Sweep.identity
-    all: list[dict]  # missing numbers are None
-    file: TextIO | None = None  # for `add`
+    identity: Identity
+    all: list[Row]
+    file: TextIO | None = None
 
-    def add(self, row: dict) -> None:
-        """Adds a trial; raises OSError if it cannot be written."""
-        row = {k: row.get(k) for k in COLUMNS}
+    def add(self, row: Row) -> None:
+        """Adds a trial, which is then on the disk.
+
+        Args:
+            row: of the trial; what it lacks of COLUMNS is None.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        row = {name: row.get(name) for name in COLUMNS}
         row["reason"] = " ".join((row["reason"] or "").split())
         row = with_digits(row, FROM_SUMMARY)
-        csv.DictWriter(self.file, COLUMNS, lineterminator="\n").writerow(row)
-        self.file.flush()
-        os.fsync(self.file.fileno())
+        file = cast(TextIO, self.file)
+        csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row)
+        file.flush()
+        os.fsync(file.fileno())
         self.all.append(row)
 
-    def by_cell(self) -> dict[Cell, list[dict]]:
-        """The rows of each cell."""
-        cells: dict[Cell, list[dict]] = {}
+    def by_cell(self) -> dict[Cell, list[Row]]:
+        """The rows of each cell.
+
+        Returns:
+            Cells in the order of their first rows.
+        """
+        cells: dict[Cell, list[Row]] = {}
         for row in self.all:
             cells.setdefault(Cell.of(row), []).append(row)
         return cells
 
     @classmethod
     def read(cls, folder: Path) -> "Rows":
-        """The rows in a folder; ValueError: none, or of another program."""
+        """Reads the rows in a folder.
+
+        Args:
+            folder: of a sweep.
+
+        Returns:
+            The rows without a torn last line.
+
+        Raises:
+            ValueError: there are none, or of another program.
+        """
         path = folder / TRIALS
         try:
             text = path.read_text(encoding="utf-8")
@@ -124,42 +201,58 @@ class Rows:
             identity = json.loads(first.removeprefix("# "))
             if not {*IDENTITY} <= {*identity}:
                 raise ValueError("its first line is of no sweep")
-            found = list(csv.DictReader(io.StringIO(lines)))
-            rows = list(map(_parsed, found))
-            known = identity["scenario"].split(",")
-            if any(row["scenario"] not in known for row in rows):
+            rows = [
+                _parsed(line) for line in csv.DictReader(io.StringIO(lines))
+            ]
+            names = identity["scenario"].split(",")
+            if any(row["scenario"] not in names for row in rows):
                 raise ValueError("a scenario is not of the first line")
             return cls(folder, identity, rows)
         except (
-            *(OSError, AttributeError, KeyError, TypeError, ValueError),
+            OSError,
+            AttributeError,
+            KeyError,
+            TypeError,
+            ValueError,
             csv.Error,
         ) as error:
-            why = f"must be rows of this program ({error})"
-            raise ValueError(f"trials = {path}: {why}") from None
+            raise ValueError(
+                f"trials = {path}: must be rows of this program ({error})"
+            ) from None
 
     @classmethod
     @contextlib.contextmanager
-    def opened(cls, folder: Path, identity: dict) -> Iterator["Rows"]:
-        """Yields the rows in `folder`, to be added to; creates them if need be.
+    def opened(cls, folder: Path, identity: Identity) -> Iterator["Rows"]:
+        """Opens the rows in a folder, to be added to; creates them if need be.
 
         At the end they are sorted, whatever the order of the trials.
 
-        Raises ValueError: the rows are of another identity, or another process
-        has the folder.  Raises OSError: they cannot be written.
+        Args:
+            folder: of the sweep.
+            identity: what all trials share, see Sweep.identity.
+
+        Yields:
+            The rows that are there.
+
+        Raises:
+            ValueError: the rows are of another identity, or another process
+                has the folder.
+            OSError: they cannot be written.
         """
+        path = folder / TRIALS
         with locked(folder):
-            rows = cls(folder, identity, [])
-            if (folder / TRIALS).exists():
-                rows = cls.read(folder)
+            rows = (
+                cls.read(folder) if path.exists() else cls(folder, identity, [])
+            )
             for name in identity | rows.identity:
-                asked, found = identity.get(name), rows.identity.get(name)
-                if asked != found:
-                    where = f"in {folder / TRIALS}, or --out another folder"
-                    what = f"{name} = {asked}: must be {found} as"
-                    raise ValueError(f"{what} {where}")
+                if identity.get(name) != rows.identity.get(name):
+                    raise ValueError(
+                        f"{name} = {identity.get(name)}: must be "
+                        f"{rows.identity.get(name)} as in {path}, or --out "
+                        "another folder"
+                    )
             rows._write()  # without a torn line
-            file = folder / TRIALS
-            with open(file, "a", encoding="utf-8", newline="") as rows.file:
+            with open(path, "a", encoding="utf-8", newline="") as rows.file:
                 yield rows
             rows._write()
 
@@ -176,8 +269,8 @@ class Rows:
             lines.writerows(self.all)
 
 
-def _parsed(line: dict[str, str]) -> dict:
-    row = {
+def _parsed(line: dict[str, str]) -> Row:
+    row: Row = {
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
@@ -198,30 +291,44 @@ def _parsed(line: dict[str, str]) -> dict:
 
 
 def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
-    """Returns the versions of this process, its robot's and its policy's hash.
+    """What the rows of this process depend on, besides the sweep's parameters.
 
     Args:
         scenario: one of the sweep.
         controller: path of a policy, or "".
+
+    Returns:
+        The versions, and hashes of the robot's files and of the policy.
     """
-    found = versions(scenario.engine)
-    found |= {"robot_files": robot_hash(scenario.robot)}
+    hashes = {"robot_files": robot_hash(scenario.robot)}
     if controller:
         policy = Path(controller)
-        found |= {
-            "controller": f"{policy.name} {digest([policy.read_bytes()])}"
-        }
-    return found
+        hashes["controller"] = f"{policy.name} {digest([policy.read_bytes()])}"
+    return versions(scenario.engine) | hashes
 
 
 def robot_hash(name: str) -> str:
-    """Returns a hash (16 hex digits) of a robot's files, not of their paths."""
+    """Hashes a robot's files, not their paths.
+
+    Args:
+        name: of a model, or of a robot.yaml.
+
+    Returns:
+        16 hex digits.
+    """
     robot = load_robot(name)
-    params = yaml_dump_typed(robot.params).encode()
-    return digest([params, robot.urdf.read_bytes()])
+    params = yaml_dump_typed(robot.params)  # type: ignore[no-untyped-call]
+    return digest([params.encode(), robot.urdf.read_bytes()])
 
 
 def digest(parts: Iterable[bytes]) -> str:
-    """Returns a hash (16 hex digits) of the parts and their order."""
-    whole = b"".join(hashlib.sha256(part).digest() for part in parts)
-    return hashlib.sha256(whole).hexdigest()[:16]
+    """Hashes the parts and their order.
+
+    Args:
+        parts: texts or files.
+
+    Returns:
+        16 hex digits.
+    """
+    hashes = b"".join(hashlib.sha256(part).digest() for part in parts)
+    return hashlib.sha256(hashes).hexdigest()[:16]

@@ -41,7 +41,8 @@ def test_simulates_a_scenario_of_a_file(tmp_path, capsys):
     assert "WALKED 3 steps" in outcome.out[0]
     summary = summary_of(tmp_path / "run")
     assert summary["steps_taken"] == 3
-    assert f" {robot}\n" in (tmp_path / "run" / "scenario.yaml").read_text()
+    text = (tmp_path / "run" / "scenario.yaml").read_text()
+    assert f" {robot}  # flag\n" in text
     assert summary["pushes"] == []
     assert (summary["direction_deg"], summary["delta_v"]) == (None, None)
 

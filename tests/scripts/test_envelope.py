@@ -13,6 +13,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
+from dask.system import CPU_COUNT
 
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.scripts import envelope
@@ -57,7 +58,7 @@ def once(folder, *argv):
             redirect_stdout(texts[0]),
             redirect_stderr(texts[1]),
         ):
-            patch.setattr(envelope.trial, "open_workers", workers_here)
+            patch.setattr(envelope.run_trial, "open_workers", workers_here)
             code = envelope.main([*map(str, argv), str(folder)])
         if code == envelope.command_line.INTERRUPTED:
             raise KeyboardInterrupt  # nothing to be kept
@@ -166,8 +167,8 @@ def test_killed_at_any_time_it_goes_on_where_it_was(
                 made.append(row)
                 return row
 
-    monkeypatch.setattr(envelope.trial, "run_trial", looked_up)
-    monkeypatch.setattr(envelope.trial, "open_workers", workers_here)
+    monkeypatch.setattr(envelope.run_trial, "run_trial", looked_up)
+    monkeypatch.setattr(envelope.run_trial, "open_workers", workers_here)
     monkeypatch.setattr(envelope, "_report", lambda *_: 0)
     process = started(tmp_path)
     children = children_of(process.pid)
@@ -248,7 +249,11 @@ REFUSED = [
     (["--mechanisms", "luck"], "mechanisms = 'luck': must be one of "),
     (["--directions", "0,up"], "directions = '0,up': must be degrees"),
     (["--resolution", "1e-309"], "resolution = 1e-309: must be"),
-    (["--workers", "0"], "workers = 0"),
+    (["--workers", "0"], "workers = 0: must be in [1, "),
+    (
+        ["--workers", "100000"],
+        f"workers = 100000: must be in [1, {4 * CPU_COUNT}], up to 4 for each",
+    ),
     (["--scenario_name", ","], "scenario_name = ','"),
     (["--scheduler", "host:port"], "scheduler = 'host:port'"),
     (["--plot-only", "nowhere"], "trials = nowhere/trials.csv"),

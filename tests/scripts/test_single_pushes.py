@@ -10,6 +10,7 @@ import pytest
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.core.walking.state import Side
 from nadia_balance.scripts import single_pushes
+from nadia_balance.sweep.limits import PROTOCOLS
 from nadia_balance.sweep.trials import Rows
 from tests.scripts.running import assert_refused, run_script
 from tests.source_files import ROOT
@@ -24,7 +25,7 @@ def sweep_of(capsys, *argv, grow=True) -> single_pushes.SinglePushes:
         carry_out.return_value = 0
         argv = ["--limits", FIG10, *argv]
         assert run_script(single_pushes, argv, capsys).code == 0
-    sweep = carry_out.call_args.args[3]
+    sweep = carry_out.call_args.kwargs["sweep"]
     for cell in sweep.known_limits if grow else ():
         sweep.known_limits[cell] = 1.0 + cell.direction_deg / 360.0
     return sweep
@@ -80,6 +81,35 @@ def test_a_papers_pushes_are_all_of_its_figure(capsys):
         assert found == pytest.approx(0.5 * force * 9.81 * 0.1, abs=5e-4)
 
 
+def test_a_number_of_pushes_counts_for_a_papers_figure_too(capsys):
+    """Oracle: Fig. 6 by hand: forces up to 1.6 of the weight, for 0.1 s."""
+    argv = "--limits", "atlas_fig6", "--pushes", 6
+    sweep = sweep_of(capsys, *argv, grow=False)
+    cells = sweep.cells()
+    gaits = {cell.scenario for cell in cells}
+    assert len(cells) == 6 and gaits == {*sweep.scenarios} and len(gaits) == 4
+    for cell in cells:
+        ((delta_v, _),) = sweep.attempts(cell, {})
+        assert 0.0 < delta_v <= 0.6 * 1.6 * 0.981
+        assert 0.05 <= sweep.walk(cell, 0).pushes[0].duration <= 0.4
+
+
+def test_without_a_checkout_the_limits_are_the_papers(tmp_path, monkeypatch):
+    """Oracle: in the package are the papers' figures, and no results."""
+    assert single_pushes.default_limits() == FIG10
+    default = single_pushes.default_limits(tmp_path)
+    assert str(default) in PROTOCOLS
+    monkeypatch.setattr(single_pushes, "default_limits", lambda: default)
+    monkeypatch.chdir(tmp_path)
+    with patch.object(single_pushes.envelope, "carry_out") as carry_out:
+        single_pushes.main(["--pushes", "3"])
+    sweep = carry_out.call_args.kwargs["sweep"]
+    assert len(sweep.cells()) == 3
+    assert sweep.known_limits == PROTOCOLS["nadia_fig10"].largest(
+        "all_with_cross_over"
+    )
+
+
 @pytest.fixture
 def made_up(monkeypatch):
     """A robot whose limit is 0.5 m/s, in every direction."""
@@ -87,9 +117,9 @@ def made_up(monkeypatch):
     largest = "tests.sweep.made_up.largest"
     monkeypatch.setattr(largest, lambda *_: 0.5)
     opened = contextlib.nullcontext(robot)
-    trial = single_pushes.envelope.trial
-    monkeypatch.setattr(trial, "open_workers", lambda *_: opened)
-    monkeypatch.setattr(trial, "run_trial", robot.trial)
+    run_trial = single_pushes.envelope.run_trial
+    monkeypatch.setattr(run_trial, "open_workers", lambda *_: opened)
+    monkeypatch.setattr(run_trial, "run_trial", robot.trial)
     return robot
 
 
@@ -112,6 +142,10 @@ def test_refuses_what_has_no_meaning(tmp_path, capsys):
     argv = ["--limits", FIG10, "--out", tmp_path]
     refused = run_script(single_pushes, [*argv, "--share", 0], capsys)
     assert_refused(refused, "pushes = 1000, share = 0.0: must be in ")
+    for more in (["--directions", "0,90"], ["--at", "right swing 50 %"]):
+        argv_more = [*argv, "--pushes", 3, *more]
+        refused = run_script(single_pushes, argv_more, capsys)
+        assert_refused(refused, "pushes = 3: must not come with directions or ")
     for name, message in (
         (
             "atlas_in_place_slow",

@@ -45,11 +45,11 @@ def identity_of(search: SearchParams = SEARCH) -> dict:
 def made_up_rows(largest: Mapping[Cell, float], search=SEARCH) -> list[dict]:
     """The rows of all trials that the search asks for, cell by cell."""
     rows = []
-    for cell, most in largest.items():
+    for cell, limit in largest.items():
         results: dict[tuple[float, int], bool] = {}
         while batch := next_batch(results, search):
             for delta_v, replica in batch:
-                recovered = delta_v <= most + 1e-9
+                recovered = delta_v <= limit + 1e-9
                 results[delta_v, replica] = recovered
                 rows.append(_row(cell, delta_v, replica, recovered))
     return rows

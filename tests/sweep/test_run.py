@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from nadia_balance.sweep import run_trial as trial
+from nadia_balance.sweep import run_trial
 from nadia_balance.sweep.trials import Rows
 from tests.sweep import made_up
 
@@ -16,8 +16,8 @@ def run(monkeypatch, tmp_path):
 
     def run(robot=None, **more):
         robot = robot or made_up.MadeUpRobot()
-        monkeypatch.setattr(trial, "run_trial", robot.trial)
-        monkeypatch.setattr(trial, "of_process", lambda *_: {})
+        monkeypatch.setattr(run_trial, "run_trial", robot.trial)
+        monkeypatch.setattr(run_trial, "of_process", lambda *_: {})
         sweep = made_up.made_up_sweep()
         with (
             Rows.opened(tmp_path, made_up.identity_of()) as rows,
@@ -25,7 +25,7 @@ def run(monkeypatch, tmp_path):
         ):
             # What is abandoned must not go on in another test.
             later.callback(robot.threads.shutdown, cancel_futures=True)
-            done = trial.run_sweep(sweep, rows, robot, **more)
+            done = run_trial.run_sweep(sweep, rows, robot, **more)
         return Rows.read(tmp_path).all, done
 
     return run

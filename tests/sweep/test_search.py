@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nadia_balance.sweep import search as module
-from nadia_balance.sweep.search import SearchParams, limit, next_batch
+from nadia_balance.sweep.search import Limit, SearchParams, limit, next_batch
 
 COARSE = SearchParams(resolution=0.1)  # five replicas, strides of 0.8 m/s
 
@@ -119,7 +118,7 @@ def test_a_search_by_hand(first, pushes):
     assert tried == pushes
     below = sorted(push for push in pushes if push <= 2.1)[-2:]
     assert batches[-1] == [(v, r) for v in below for r in (1, 2, 3)]
-    assert limit(results, COARSE) == module.Limit(2.1, 2.2, True)
+    assert limit(results, COARSE) == Limit(2.1, 2.2, True)
 
 
 def test_pushes_are_round_numbers_up_to_the_largest():

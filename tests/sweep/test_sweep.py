@@ -5,14 +5,13 @@ import shutil
 
 import pytest
 
-import nadia_balance.sweep.trials as fingerprint
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.robot.model import MODELS
 from nadia_balance.scripts.envelope import parser_of, sweep_from
 from nadia_balance.sweep.search import SearchParams
-from nadia_balance.sweep.trials import Cell
+from nadia_balance.sweep.trials import Cell, robot_hash
 from tests.sweep.made_up import made_up_sweep
 
 LATER = "left transfer 50 %"
@@ -131,10 +130,10 @@ def test_parameters_are_all_but_what_a_sweep_sets_itself():
 def test_a_robot_is_what_its_files_say_not_where_they_are(tmp_path):
     shutil.copytree(MODELS / "nadia", tmp_path / "nadia")
     copied = str(tmp_path / "nadia" / "robot.yaml")
-    files = fingerprint.robot_hash(copied)
-    assert files == fingerprint.robot_hash("nadia")
+    files = robot_hash(copied)
+    assert files == robot_hash("nadia")
     with (tmp_path / "nadia" / "nadia.urdf").open("a") as urdf:
         urdf.write("<!-- changed -->")
-    assert fingerprint.robot_hash(copied) != files
+    assert robot_hash(copied) != files
     with pytest.raises(FileNotFoundError, match="nowhere.yaml: no such"):
-        fingerprint.robot_hash("nowhere.yaml")
+        robot_hash("nowhere.yaml")

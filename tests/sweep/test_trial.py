@@ -6,10 +6,10 @@ import signal
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from nadia_balance.diagrams.scenario import load_scenario
-from nadia_balance.sweep import run_trial as module
-from nadia_balance.sweep.run_trial import open_workers, run_trial
+from nadia_balance.sweep import run_trial
 from nadia_balance.sweep.search import Sweep
 from nadia_balance.sweep.trials import FROM_SUMMARY, Cell
 from tests.diagrams import simulated
@@ -20,12 +20,12 @@ CELL = cell_to(120.0)
 
 @pytest.fixture(autouse=True)
 def no_walk_of_another_test():
-    module._walked.cache_clear()
+    run_trial._walked.cache_clear()
 
 
 def tried(sweep, delta_v, cell=CELL, replica=0):
     """The row of one trial."""
-    return run_trial(sweep, cell, delta_v, replica)
+    return run_trial.run_trial(sweep, cell, delta_v, replica)
 
 
 def judged(sweep, delta_v, cell=CELL, replica=0):
@@ -71,7 +71,7 @@ def test_the_robot_itself_gives_the_bits_of_one_run():
 
 def test_an_error_is_a_row_like_any_other(monkeypatch):
     """Oracle: Python's own words."""
-    monkeypatch.setattr(module.simulation, "RecoveryWatch", {}.__getitem__)
+    monkeypatch.setattr(run_trial, "RecoveryWatch", {}.__getitem__)
     row = tried(stepping_sweep(0.1), 0.3)
     assert row["outcome"] == "error"
     assert row["reason"].startswith("KeyError: <")
@@ -106,18 +106,19 @@ def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     It has an address, too.  A real signal ends who is first at the last trial.
     """
     free = {"dashboard_address": "127.0.0.1:0"}  # a sweep may have Dask's own
-    cluster = functools.partial(module.LocalCluster, scheduler_kwargs=free)
-    monkeypatch.setattr(module, "LocalCluster", cluster)
+    cluster = functools.partial(LocalCluster, scheduler_kwargs=free)
+    monkeypatch.setattr(run_trial.distributed, "LocalCluster", cluster)
     sweep, cell = stepping_sweep(), cell_to(120.0)
     trials = (sweep, cell, 0.4, 1), (sweep, cell, 2.5, 0)
-    expected = [run_trial(*trial) for trial in trials]
-    with open_workers(1) as executor:
+    make = run_trial.run_trial
+    expected = [make(*trial) for trial in trials]
+    with run_trial.open_workers(1) as executor:
         address = executor._client.scheduler.address
-        with open_workers(1, address) as remote:
-            futures = [remote.submit(run_trial, *trial) for trial in trials]
+        with run_trial.open_workers(1, address) as remote:
+            futures = [remote.submit(make, *trial) for trial in trials]
             rows = [future.result(PATIENCE) for future in futures]
         pid = executor.submit(os.getpid).result(PATIENCE)
-        future = executor.submit(run_trial, *trials[0])
+        future = executor.submit(make, *trials[0])
         os.kill(pid, signal.SIGKILL)
         again = future.result(PATIENCE)
     assert [*rows, again] == [*expected, expected[0]]
