@@ -17,6 +17,7 @@ from typing import Any, NoReturn, TextIO, cast
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams import live, simulation, terrain
@@ -32,6 +33,7 @@ from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
+from nadia_balance.scripts.progress import progress
 from nadia_balance.view.scene import set_scene, start_meshcat
 
 DONE, FAILED, BAD_INPUT, UNDECIDED, UNWRITTEN = range(5)
@@ -463,18 +465,24 @@ def _run(
     scenario = diagram.scenario
     if meshcat is not None and args.open:
         webbrowser.open(meshcat.web_url())
-    watch = RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
     end = 0.0
-    while True:
-        if meshcat is not None:
-            pages.start_recording(meshcat, live=args.open or args.hold)
-        end = min(end + CHAPTER, scenario.duration)
-        run = simulation.advance(simulator, end, until=watch)
-        summary = run.summary | {"scenario": args.scenario_name}
-        if run.until or failure(run) or end == scenario.duration:
-            break
-        say(f"t={end:.0f} s  {chapter_words(summary)}")
-        diagram.forget_logs(simulator.get_mutable_context())
+    with progress(diagram, sys.stderr) as show:
+        watch = RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
+
+        def until(context: Context) -> bool:
+            show(context)
+            return watch(context)
+
+        while True:
+            if meshcat is not None:
+                pages.start_recording(meshcat, live=args.open or args.hold)
+            end = min(end + CHAPTER, scenario.duration)
+            run = simulation.advance(simulator, end, until=until)
+            summary = run.summary | {"scenario": args.scenario_name}
+            if run.until or failure(run) or end == scenario.duration:
+                break
+            say(f"t={end:.0f} s  {chapter_words(summary)}")
+            diagram.forget_logs(simulator.get_mutable_context())
     try:
         files = pages.write_run(
             folder,

@@ -322,7 +322,12 @@ def test_every_command_is_understood(monkeypatch):
         scripts.add(name)
     files = *ROOT.glob("scripts/[!_]*.py"), *ROOT.glob("docs/figures/*.py")
     shown = {path.stem for path in files}
-    assert scripts == shown - {"command_line", "drawing", "interrupts"}
+    assert scripts == shown - {
+        "command_line",
+        "drawing",
+        "interrupts",
+        "progress",
+    }
 
 
 def test_links_lead_somewhere():
