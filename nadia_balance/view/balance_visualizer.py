@@ -14,7 +14,7 @@ from nadia_balance.core.body.reachability import circle
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import intersection
 from nadia_balance.core.walking import state as walking
-from nadia_balance.systems.ports import inputs
+from nadia_balance.systems.ports import input_port, optional_input
 from nadia_balance.view import scene
 
 ROOT = "/overlay"
@@ -73,10 +73,15 @@ class BalanceVisualizer(LeafSystem):
         """Adds all objects; `sole` (n, 2) [m] are its corners in its frame."""
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        points, last = "icp? icp_reference? ecmp_command?", "capture_regions?"
-        names = f"walking_state com_state? {points} push_force? {last}"
-        self._walking_state, self._com, *others = inputs(self, names)
-        *self._on_ground, self._push, self._regions = others
+        self._walking_state = input_port(self, "walking_state")
+        self._com = optional_input(self, "com_state")
+        self._on_ground = [
+            optional_input(self, "icp"),
+            optional_input(self, "icp_reference"),
+            optional_input(self, "ecmp_command"),
+        ]
+        self._push = optional_input(self, "push_force")
+        self._regions = optional_input(self, "capture_regions")
         self._add_objects(meshcat, ground)
         self.DeclareInitializationPublishEvent(self._forget)
         draws = {scene.PERIOD: self._draw, REGIONS_PERIOD: self._draw_regions}

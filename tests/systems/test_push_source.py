@@ -14,7 +14,8 @@ from pydrake.systems.framework import DiagramBuilder
 from nadia_balance.core.walking import state as walk
 from nadia_balance.core.walking.push import Push
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.signals import PushSignal, connect
+from nadia_balance.systems.signals import PushSignal
+from nadia_balance.systems.wiring import connect
 from tests.blocks import answer, fix, running
 from tests.example_walks import standing
 

@@ -28,8 +28,8 @@ from nadia_balance.core.steps import capture_region
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 from nadia_balance.core.walking import state as walking
 from nadia_balance.results.pages import start_recording, write_replay
-from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
+from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import FOOTPRINTS, RADIUS
 from nadia_balance.view.balance_visualizer import BalanceVisualizer as View
