@@ -407,6 +407,9 @@ class BalanceController(Diagram):
             ),
         }
         builder = DiagramBuilder()
-        made = fill(makers, outputs=self.ROLES, blocks=blocks, others=inner)
-        wire(builder, made, self.INPUTS)
+        wire(
+            builder,
+            fill(makers, outputs=self.ROLES, blocks=blocks, others=inner),
+            self.INPUTS,
+        )
         builder.BuildInto(self)

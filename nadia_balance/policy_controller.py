@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
@@ -219,15 +219,13 @@ class PolicyController(LeafSystem):
             phases + 2.0 * math.pi * self.params.period / self.params.stride
         )
 
-    def _update(self, context: Context, state: State) -> None:
+    def _update(self, context: Context, state: Any) -> None:
         observation = self.observe(context).astype(np.float32)
         action = self._network.run(None, {self._port: observation[None]})[0][0]
         limit = self.params.action_limit
-        memory: Any = [
-            *np.clip(action, -limit, limit),
-            *self._advanced(context),
-        ]
-        state.get_mutable_discrete_state(self._memory).set_value(memory)
+        state.get_mutable_discrete_state(self._memory).set_value(
+            [*np.clip(action, -limit, limit), *self._advanced(context)]
+        )
 
     def _calc_torques(self, context: Context, output: BasicVector) -> None:
         state = self._state(context)
@@ -261,12 +259,16 @@ def _session(onnx: Path, name: str) -> Any:
 def _metadata(network: Any, name: str) -> tuple[list[str], Any, Any]:
     """The names (n,) of the joints, and the gains (n,) and (n,)."""
     texts = network.get_modelmeta().custom_metadata_map
-    present = [key for key in _METADATA if key in texts]
-    _check_names(present, _METADATA, message=f"{name}: must have metadata")
+    _check_names(
+        [key for key in _METADATA if key in texts],
+        expected=_METADATA,
+        message=f"{name}: must have metadata",
+    )
     try:
         names = [str(joint) for joint in json.loads(texts["dof_names"])]
-        kp, kd = json.loads(texts["kp"]), json.loads(texts["kd"])
-        gains = np.array([kp, kd], dtype=float)
+        gains = np.array(
+            [json.loads(texts["kp"]), json.loads(texts["kd"])], dtype=float
+        )
     except (TypeError, ValueError):  # no JSON, or lists of several lengths
         names, gains = [], np.zeros((2, 0))
     if (

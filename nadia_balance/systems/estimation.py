@@ -194,8 +194,13 @@ class Imu(LeafSystem):
         imu = np.concatenate((rate, force, w @ R))
         imu += self._white * noise
         imu += np.concatenate((bias, bias[:3]))
-        imu = np.clip(imu, -self._range, self._range)
-        return imu, R.ravel(), v, bias, (tick + 1.0,)
+        return (
+            np.clip(imu, -self._range, self._range),
+            R.ravel(),
+            v,
+            bias,
+            (tick + 1.0,),
+        )
 
 
 class JointEncoders(LeafSystem):
@@ -244,8 +249,8 @@ class JointEncoders(LeafSystem):
         state = self._state(context)
         n = self._deviations.size // 2
         tick = round(context.get_time() / self._period)
-        random = np.random.default_rng((self._seed, tick, 2))
-        noise = random.standard_normal(2 * n)
+        seed = self._seed, tick, 2
+        noise = np.random.default_rng(seed).standard_normal(2 * n)
         joints: Any = np.concatenate((state[7 : 7 + n], state[-n:]))
         output.SetFromVector(joints + self._deviations * noise)
 
@@ -402,8 +407,9 @@ class StateEstimator(LeafSystem):
     def _begin(self, legs: _Joints) -> Estimate:
         q: Any = self._q0
         X_WI: Any = RigidTransform(_rotation(q), q[4:7]) @ legs.X_BI
-        R_WI = X_WI.rotation().matrix()
-        return self._filter.begin(R_WI, X_WI.translation(), START)
+        return self._filter.begin(
+            X_WI.rotation().matrix(), X_WI.translation(), START
+        )
 
     def _legs(self, context: Context, joints: Array, rate: Array) -> _Joints:
         """What the joints (2 nj,) and the IMU's `rate` (3,) say [rad], [s]."""
@@ -433,9 +439,12 @@ class StateEstimator(LeafSystem):
         X_BI, V = imu_motion(
             plant, plant_context, body=self._body, X_BI=self._X_BodyI
         )
-        V_BI = np.array((V.rotational(), V.translational()))
         v = J[:, 3:] @ joints[n:] - p @ skew(rate)
-        return _Joints(X_BI, V_BI, Legs(p, R, J, v))
+        return _Joints(
+            X_BI=X_BI,
+            V_BI=np.array((V.rotational(), V.translational())),
+            soles=Legs(p=p, R=R, J=J, v=v),
+        )
 
     def _pelvis(
         self, estimate: Estimate, imu: Array, legs: _Joints

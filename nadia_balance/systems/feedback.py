@@ -103,8 +103,12 @@ class MomentumQp(LeafSystem):
             previous=last["increments"],
             limits=self._limits.Eval(context)[1],
         )
-        status = QpStatus(last["momentum_qp_status"]).after(feedback.result)
-        return feedback.cop, feedback.ecmp, status, feedback.increments
+        return (
+            feedback.cop,
+            feedback.ecmp,
+            QpStatus(last["momentum_qp_status"]).after(feedback.result),
+            feedback.increments,
+        )
 
 
 class IcpStepController(LeafSystem):
@@ -201,11 +205,10 @@ class IcpStepController(LeafSystem):
         self, context: Context, last: dict[str, Any]
     ) -> tuple[Any, ...]:
         feedback = self._feedback.Eval(context)
-        status = QpStatus(last["momentum_qp_status"])
         return (
             feedback.ecmp,  # as CoP, too
             feedback.ecmp,
-            status.after(feedback.result),
+            QpStatus(last["momentum_qp_status"]).after(feedback.result),
             feedback.reference.icp,
             feedback.reference.icp_velocity,
             feedback.reference.cop,
@@ -255,8 +258,8 @@ class ComHeightController(LeafSystem):
         com = self._com(context)
         state = self._walking(context)
         ecmp = self._ecmp(context).ecmp
-        plan = self._height.Eval(context)[1]
-        desired = plan.at(state.time_in_phase)  # height, its rate
+        # The planned height and its rate, which the stance leg may limit.
+        desired = self._height.Eval(context)[1].at(state.time_in_phase)
         place, velocity = com.position[:2], com.velocity[:2]
         z, vz = float(com.z), float(com.vz)
         sinking = 0.0
@@ -270,8 +273,7 @@ class ComHeightController(LeafSystem):
                 ecmp=ecmp,
                 above=z - float(sole[2]),
             )
-        height, rate = desired
         az = self._control.acceleration(
-            z, vz, desired=height, rate=rate, sinking=sinking
+            z, vz, desired=desired[0], rate=desired[1], sinking=sinking
         )
         return momentum_rate(place, ecmp, az, self._model)

@@ -63,14 +63,13 @@ class JointDrives(LeafSystem):
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
         torques: Any = context.get_discrete_state_vector().value()
-        missing = self._actuation(context) - torques
         lower, upper = torque_limits(
             self._state(context)[self._speeds],
             max_torque=self._max_torques,
             max_speed=self._max_speeds,
             corner_speed=self._corner_speed,
         )
-        torques = torques + self._share * missing
+        torques = torques + self._share * (self._actuation(context) - torques)
         new.set_value(np.minimum(np.maximum(torques, lower), upper))
 
 
@@ -122,9 +121,9 @@ class FootForceSensor(LeafSystem):
         if engine is plant and plant.get_contact_model() != ContactModel.kPoint:
             raise ValueError("contact_model of the plant: must be point")
         self._foot_of = _feet_by_contact(plant, robot)
-        results = engine.GetOutputPort("contact_results").Allocate()
         self._contacts = self.DeclareAbstractInputPort(
-            "contact_results", results
+            "contact_results",
+            engine.GetOutputPort("contact_results").Allocate(),
         )
         self._mean: Any = self.DeclareDiscreteState(2)
         self._samples: Any = self.DeclareDiscreteState(2 * self._steps)
@@ -146,22 +145,20 @@ class FootForceSensor(LeafSystem):
         new.set_value(self._samples, samples)
         mean = self._average @ samples
         if self._noise is not None:
-            step = round(context.get_time() / self._step)
-            random = np.random.default_rng((self._seed, 1 + step, 3))
-            noise = self._noise * random.standard_normal(2)
+            seed = self._seed, 1 + round(context.get_time() / self._step), 3
+            noise = np.random.default_rng(seed).standard_normal(2)
+            noise *= self._noise
             mean = np.maximum(mean * (1.0 + noise) + self._bias, 0.0)
         new.set_value(self._mean, mean)
 
     def _forces(self, results: Any) -> list[float]:
         """The vertical forces [N] on left and right foot in this step."""
         forces = [0.0, 0.0]
-        foot_of = self._foot_of
-        pair_info = results.point_pair_contact_info
         for i in range(results.num_point_pair_contacts()):
-            pair = pair_info(i)
+            pair = results.point_pair_contact_info(i)
             bodies = int(pair.bodyA_index()), int(pair.bodyB_index())
-            if bodies in foot_of:
-                foot, sign = foot_of[bodies]
+            if bodies in self._foot_of:
+                foot, sign = self._foot_of[bodies]
                 forces[foot] += sign * float(pair.contact_force()[2])
         return forces
 
@@ -316,11 +313,10 @@ class StateSensor(LeafSystem):
         new.get_mutable_vector(self._past).SetFromVector(latest[: past.size])
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
-        tick = round(context.get_time() / self._period)
-        random = np.random.default_rng((self._seed, tick))
-        noise = self._deviations * random.standard_normal(self._size)
+        seed = self._seed, round(context.get_time() / self._period)
+        random = np.random.default_rng(seed).standard_normal(self._size)
         state = self._oldest(context, self._state, slice(0, self._size))
-        output.SetFromVector(state + noise)
+        output.SetFromVector(state + self._deviations * random)
 
     def _calc_forces(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(

@@ -227,9 +227,8 @@ class FootstepPlanner(LeafSystem):
         super().__init__()
         adjuster = adjuster or CaptureRegionStepAdjusterParams()
         timing = timing or TimingAdapterParams()
-        check(params)
-        check(adjuster)
-        check(timing)
+        for checked in (params, adjuster, timing):
+            check(checked)
         self._planner = FootstepPlan(
             params, model, adjuster, timing.min_swing_duration
         )
@@ -420,8 +419,11 @@ class IcpPlanner(LeafSystem):
         super().__init__()
         check(params)
         self._walking = input_port(self, "walking_state")
-        is_atlas = isinstance(params, AtlasIcpPlanParams)
-        plan: Any = plan_atlas_icp if is_atlas else plan_icp
+        plan: Any = (
+            plan_atlas_icp
+            if isinstance(params, AtlasIcpPlanParams)
+            else plan_icp
+        )
         self._planned: Any = declare_plan(
             self,
             self._walking,

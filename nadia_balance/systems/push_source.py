@@ -99,11 +99,15 @@ class PushSource(LeafSystem):
         self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
         # Before these times a push is not looked at [s]; the last one is live.
-        times = [
-            -math.inf if push.moment.phase else push.moment.time
-            for push in pushes
-        ]
-        self._not_before = np.array([*times, 0.0])
+        self._not_before = np.array(
+            [
+                *(
+                    -math.inf if push.moment.phase else push.moment.time
+                    for push in pushes
+                ),
+                0.0,
+            ]
+        )
         self._walking = optional_input(self, "walking_state")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
@@ -263,8 +267,7 @@ class PushSource(LeafSystem):
             number = i + (count if is_live else 1)
             effective = ticks * self.period if is_live else self._effective[i]
             delta_v = rows[i, 2] * effective / self._mass
-        waiting = np.count_nonzero(rows[:-1, 0])
-        return [number, delta_v, *force, waiting]
+        return [number, delta_v, *force, np.count_nonzero(rows[:-1, 0])]
 
     def _calc_spatial(self, context: Any, output: Any) -> None:
         forces = []
