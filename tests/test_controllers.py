@@ -136,8 +136,8 @@ def test_whoever_lacks_a_walking_state_or_regions_is_drawn_and_told():
             )
 
     scenario = load_scenario("push_standing")
-    for what in {"controller": Limp()}, {"step_adjuster": Aside()}:
-        diagram = HumanoidDiagram(scenario, start_meshcat()[0], **what)
+    for blocks in {"controller": Limp()}, {"step_adjuster": Aside()}:
+        diagram = HumanoidDiagram(scenario, start_meshcat()[0], **blocks)
         assert not simulate(diagram, 0.05).error
     with pytest.raises(ValueError, match="^controller = Limp: .*'actuation'"):
         HumanoidDiagram(scenario, controller=Limp(22))
