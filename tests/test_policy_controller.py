@@ -78,9 +78,9 @@ def test_observes_and_acts_in_the_order_of_the_policy(made):
         simulator.AdvanceTo((tick - 0.5) * 0.02)
         action = W @ seen + B
         torques = (KP * (q0 + 0.25 * action - q) - KD * v)[::-1]
-        torques = answer(controller, context, "actuation")
+        actuation = answer(controller, context, "actuation")
         expected = np.clip(torques, -limits, limits)
-        assert torques == pytest.approx(expected, abs=1e-2)
+        assert actuation == pytest.approx(expected, abs=1e-2)
         simulator.AdvanceTo(tick * 0.02 - 1e-6)
     assert np.any(np.abs(torques) > limits)
 

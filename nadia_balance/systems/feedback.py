@@ -156,8 +156,8 @@ class IcpStepController(LeafSystem):
             self, "feedback", self._calc_feedback
         )
         needs = [self._feedback]
-        declare_output(self, "adjustment", self._calc_adjustment, needs)
-        declare_output(self, "capture_regions", self._calc_regions, needs)
+        declare_output(self, "adjustment", self._calc_adjustment, needs=needs)
+        declare_output(self, "capture_regions", self._calc_regions, needs=needs)
         declare_outcome(
             self,
             outputs={
@@ -276,4 +276,6 @@ class ComHeightController(LeafSystem):
         az = self._control.acceleration(
             z, vz, desired=desired[0], rate=desired[1], sinking=sinking
         )
-        return momentum_rate(place, ecmp, az, self._model)
+        return momentum_rate(
+            place, ecmp, vertical_acceleration=az, model=self._model
+        )

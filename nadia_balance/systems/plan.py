@@ -112,8 +112,12 @@ class WalkingStateMachine(LeafSystem):
         )
         # The outputs depend on the state only: this breaks every loop.
         state_only = [self.abstract_state_ticket(self._state)]
-        declare_output(self, "walking_state", self._walking_state, state_only)
-        declare_output(self, "walking_signal", self._calc_signal, state_only)
+        declare_output(
+            self, "walking_state", self._walking_state, needs=state_only
+        )
+        declare_output(
+            self, "walking_signal", self._calc_signal, needs=state_only
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
 
     def _walking_state(self, context: Context) -> Any:
@@ -230,7 +234,10 @@ class FootstepPlanner(LeafSystem):
         for checked in (params, adjuster, timing):
             check(checked)
         self._planner = FootstepPlan(
-            params, model, adjuster, timing.min_swing_duration
+            params,
+            model,
+            adjuster=adjuster,
+            min_swing_duration=timing.min_swing_duration,
         )
         self.limits = velocity_limits(params, model)
         self._change = period * np.array(
@@ -249,8 +256,10 @@ class FootstepPlanner(LeafSystem):
             self.all_input_ports_ticket(),
             self.discrete_state_ticket(self._memory),
         ]
-        declare_output(self, "footsteps", self._calc_footsteps, needs)
-        declare_output(self, "revised_footsteps", self._calc_revised, needs)
+        declare_output(self, "footsteps", self._calc_footsteps, needs=needs)
+        declare_output(
+            self, "revised_footsteps", self._calc_revised, needs=needs
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _velocity(self, context: Context) -> Any:
@@ -326,7 +335,9 @@ class FixedFootsteps(FootstepPlanner):
         adjuster: CaptureRegionStepAdjusterParams | None = None,
         timing: TimingAdapterParams | None = None,
     ) -> None:
-        super().__init__(params, model, period, adjuster, timing)
+        super().__init__(
+            params, model, period, adjuster=adjuster, timing=timing
+        )
         self._fixed = tuple(footsteps)
         self._model, self._period = model, period
 
@@ -381,7 +392,7 @@ class VelocityCommands(LeafSystem):
         self._times = [row[0] - TICK_TOLERANCE for row in rows]
         self._values = [np.zeros(3), *(np.array(row[1:]) for row in rows)]
         declare_output(
-            self, "velocity_command", self._calc, [self.time_ticket()]
+            self, "velocity_command", self._calc, needs=[self.time_ticket()]
         )
 
     def _calc(self, context: Context) -> Array:
@@ -430,9 +441,11 @@ class IcpPlanner(LeafSystem):
             lambda state: plan(state.schedule, params, model),
         )
         needs = [self._planned]
-        declare_output(self, "icp_plan", self._plan, needs)
+        declare_output(self, "icp_plan", self._plan, needs=needs)
         if has_reference:
-            declare_output(self, "icp_reference", self._calc_reference, needs)
+            declare_output(
+                self, "icp_reference", self._calc_reference, needs=needs
+            )
 
     def _plan(self, context: Context) -> Any:
         return self._planned.Eval(context)[1]

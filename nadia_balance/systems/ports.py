@@ -166,7 +166,12 @@ def input_port(
     Returns:
         The port, which returns its value in a context: `port(context)`.
     """
-    return Input(system, name, kind or SIGNALS[name], view=_VIEWS.get(name))
+    return Input(
+        system,
+        name,
+        kind=SIGNALS[name] if kind is None else kind,
+        view=_VIEWS.get(name),
+    )
 
 
 def optional_input(
@@ -182,7 +187,9 @@ def optional_input(
     Returns:
         The port, which returns its value in a context: `port(context)`.
     """
-    return Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
+    return Input(
+        system, name, kind=SIGNALS[name], default=default, view=_VIEWS.get(name)
+    )
 
 
 def _tickets(system: LeafSystem, needs: Needs | None) -> set[DependencyTicket]:
@@ -310,7 +317,9 @@ def declare_plan(
             return last
         return state.schedule, calc(state)
 
-    return declare_cache(system, "plan", planned, [walking_state], (None, None))
+    return declare_cache(
+        system, "plan", planned, needs=[walking_state], first=(None, None)
+    )
 
 
 def declare_outcome(
@@ -322,11 +331,12 @@ def declare_outcome(
     needs: Needs | None = None,
     holds: bool = False,
 ) -> None:
-    """Declares x+ = f(x-, u): the outputs of a tick, and all of the state.
+    """x+ = f(x-, u): declares the outputs of a tick, and all of the state.
 
-    The result x+ (n,) of a tick is its outputs and its memory, one behind the
-    other.  Each output port has its part of x+; an update in every period
-    makes x+ the discrete state x- of the next tick.  At the start x- is 0.
+    x (n,) is outputs and memory, one behind the other, n the sum of their
+    sizes; with `holds` the state has the time of the next tick [s] behind it.
+    Each output port has its part of x+.  An update in every period makes x+
+    the discrete state x- of the next tick; at the start x- is 0.
 
     Args:
         system: block that gets the state, its update and the output ports.
@@ -345,7 +355,6 @@ def declare_outcome(
         name: slice(end - sizes[name], end)
         for name, end in zip(sizes, ends, strict=True)
     }
-    # With `holds`, the last entry is the time of the next tick [s].
     state: Any = system.DeclareDiscreteState(sum(sizes.values()) + holds)
     tickets = _tickets(system, needs)
     tickets.add(system.discrete_state_ticket(state))
@@ -357,7 +366,7 @@ def declare_outcome(
             x = (*x, (context.get_time() + period,))
         return np.concatenate(x)
 
-    outcome: Any = declare_cache(system, "outcome", tick, tickets)
+    outcome: Any = declare_cache(system, "outcome", tick, needs=tickets)
 
     def held(context: Context) -> Any:
         last = context.get_discrete_state(state).value()

@@ -120,8 +120,8 @@ class PushSource(LeafSystem):
             self, "active", self._calc_active, needs
         )
         needs.append(self._active.ticket())
-        declare_output(self, "push_force", self._calc_force, needs)
-        declare_output(self, "push_signal", self._calc_signal, needs)
+        declare_output(self, "push_force", self._calc_force, needs=needs)
+        declare_output(self, "push_signal", self._calc_signal, needs=needs)
         if plant is not None:
             self._bodies = []
             for push in [*pushes, Push(at="0 s")]:  # the last one is live
@@ -161,7 +161,7 @@ class PushSource(LeafSystem):
         """
         row = self._rows(context)[0].copy()
         if row[0] < 0.0:
-            self._await(context, self._walking(context), 0, row)
+            self._await(context, self._walking(context), i=0, row=row)
         return bool(row[0] > 0.0)
 
     def _rows(self, context: Context) -> Any:
@@ -184,7 +184,7 @@ class PushSource(LeafSystem):
             if rows[i, 0] > 0.0:
                 rows[i, 0] -= 1.0
             else:
-                self._await(context, walking_state, i, rows[i])
+                self._await(context, walking_state, i=i, row=rows[i])
         if self._live_push.HasValue(context):
             self._take_live(context, live, rows[-1])
         state.get_mutable_discrete_state(self._state).set_value(
@@ -310,7 +310,7 @@ class ContactClock(LeafSystem):
         self._forces = input_port(self, "foot_forces")
         self._state: Any = self.DeclareDiscreteState(8)
         needs = [self.discrete_state_ticket(self._state)]
-        declare_output(self, "walking_state", self._calc_walking, needs)
+        declare_output(self, "walking_state", self._calc_walking, needs=needs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
         self._standing = ContactSchedule(
             phase=Phase.STANDING,

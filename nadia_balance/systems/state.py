@@ -114,9 +114,9 @@ class StatePredictor(LeafSystem):
             for acceleration in self._accelerations(context)[:0:-1]:
                 displacement += h * (v + 0.5 * h * acceleration)
                 v = v + h * acceleration
-            q = self._moved(context, q, displacement, 1.0)
+            q = self._moved(context, q, v=displacement, time=1.0)
         if self._lead:
-            q = self._moved(context, q, v, self._lead)
+            q = self._moved(context, q, v=v, time=self._lead)
         output.SetFromVector(np.concatenate((q, v)))
 
     def _moved(self, context: Context, q: Array, v: Array, time: float) -> Any:
@@ -187,15 +187,15 @@ class CentroidalEstimator(LeafSystem):
             self,
             "com_state",
             lambda context: self._terms.Eval(context).com_state,
-            needs,
+            needs=needs,
         )
-        declare_output(self, "icp", self._calc_icp, needs)
-        declare_output(self, "alip_icp", self._calc_alip_icp, needs)
+        declare_output(self, "icp", self._calc_icp, needs=needs)
+        declare_output(self, "alip_icp", self._calc_alip_icp, needs=needs)
         declare_output(
             self,
             "foot_poses",
             lambda context: foot_poses(self._terms.Eval(context)),
-            needs,
+            needs=needs,
         )
 
     def _calc_terms(self, context: Context) -> WholeBodyTerms:

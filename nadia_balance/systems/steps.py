@@ -79,10 +79,10 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
         self._landing: Any = declare_cache(self, "landing", self._calc_landing)
         self._adjustment: Any = declare_output(
-            self, "adjustment", self._calc_adjustment, [self._landing]
+            self, "adjustment", self._calc_adjustment, needs=[self._landing]
         )
         declare_output(
-            self, "capture_regions", self._calc_regions, [self._landing]
+            self, "capture_regions", self._calc_regions, needs=[self._landing]
         )
 
     def _calc_landing(
@@ -161,7 +161,7 @@ class SwingFootPlanner(LeafSystem):
     ) -> None:
         super().__init__()
         check(params)
-        self._foot = SwingFoot(params, model, period, lead)
+        self._foot = SwingFoot(params, model, period, lead=lead)
         self._walking = input_port(self, "walking_state")
         self._edges: Any = declare_plan(
             self,

@@ -68,7 +68,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         plant = robot.control_plant()
         self._params = params
         self._model = whole_body_model(robot, plant, params)
-        self._qp = WholeBodyQp(params, self._model, period, tasks)
+        self._qp = WholeBodyQp(params, self._model, period, tasks=tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
         self._terms = input_port(self, "whole_body_terms")
@@ -166,7 +166,7 @@ class FrictionEstimator(LeafSystem):
             self,
             "friction",
             lambda context: context.get_discrete_state_vector().value()[:1],
-            [self.all_state_ticket()],
+            needs=[self.all_state_ticket()],
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
