@@ -28,7 +28,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.signals import connect
+from nadia_balance.systems.wiring import connect
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
 from nadia_balance.view.scene import CONTROLS
 

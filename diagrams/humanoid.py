@@ -34,7 +34,8 @@ from nadia_balance.systems.hardware import (
     StateSensor,
 )
 from nadia_balance.systems.push_source import ContactClock, PushSource
-from nadia_balance.systems.signals import connect, read
+from nadia_balance.systems.signals import read
+from nadia_balance.systems.wiring import connect
 from nadia_balance.view.scene import (
     add_ghost,
     add_mechanisms,

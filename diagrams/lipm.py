@@ -16,8 +16,9 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
 from nadia_balance.systems.push_source import PushSource, find_body
-from nadia_balance.systems.signals import connect, read
+from nadia_balance.systems.signals import read
 from nadia_balance.systems.steps import SwingFootPlanner
+from nadia_balance.systems.wiring import connect
 from nadia_balance.view.scene import add_mechanisms
 
 FALLEN_DISTANCE = 0.9  # of the CoM from the nearer foot, per its height [-]

@@ -88,7 +88,6 @@ if TYPE_CHECKING:
     from nadia_balance.systems.ports import NOTHING as NOTHING
     from nadia_balance.systems.push_source import ContactClock as ContactClock
     from nadia_balance.systems.push_source import PushSource as PushSource
-    from nadia_balance.systems.signals import connect as connect
     from nadia_balance.systems.state import (
         CentroidalEstimator as CentroidalEstimator,
     )
@@ -103,6 +102,7 @@ if TYPE_CHECKING:
     from nadia_balance.systems.whole_body import (
         WholeBodyInverseDynamics as WholeBodyInverseDynamics,
     )
+    from nadia_balance.systems.wiring import connect as connect
     from nadia_balance.view.balance_visualizer import (
         BalanceVisualizer as BalanceVisualizer,
     )
@@ -172,7 +172,7 @@ _MODULES = {
     "WholeBodyInverseDynamics": "systems.whole_body",
     "add_ground": "robot.plants",
     "add_mujoco_plant": "engines.plants",
-    "connect": "systems.signals",
+    "connect": "systems.wiring",
     "load_robot": "robot.model",
     "load_scenario": "diagrams.scenario",
     "simulate": "diagrams.simulation",

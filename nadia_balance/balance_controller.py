@@ -3,9 +3,8 @@
 In it, the capture-point controller is for any robot, or a point mass.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -19,51 +18,101 @@ from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.plan.walking_state_machine import (
-    WalkingStateMachineParams as StateMachineParams,
+    WalkingStateMachineParams,
 )
 from nadia_balance.core.steps.capture_region import (
-    CaptureRegionStepAdjusterParams as StepAdjusterParams,
+    CaptureRegionStepAdjusterParams,
 )
 from nadia_balance.core.steps.swing_foot import SwingFootParams
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.tasks import Task
-from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems import feedback, steps, whole_body
-from nadia_balance.systems import plan as planning
-from nadia_balance.systems.signals import fill, wire
+from nadia_balance.systems.feedback import (
+    ComHeightController,
+    IcpStepController,
+    MomentumQp,
+)
+from nadia_balance.systems.plan import (
+    FixedFootsteps,
+    FootstepPlanner,
+    IcpPlanner,
+    TimingAdapter,
+    WalkingStateMachine,
+)
 from nadia_balance.systems.state import CentroidalEstimator, StatePredictor
+from nadia_balance.systems.steps import (
+    CaptureRegionStepAdjuster,
+    SwingFootPlanner,
+)
+from nadia_balance.systems.whole_body import (
+    FrictionEstimator,
+    WholeBodyInverseDynamics,
+)
+from nadia_balance.systems.wiring import fill, wire
 
 
-@dataclass(kw_only=True)
+@parameters
 class ControllerParams:
     """The parameters of every algorithm; robot.yaml overrides `whole_body`."""
 
-    # T
     control_period: float = bounded(
-        0.004, least=5e-4, most=0.02, unit="s", of=""
+        0.004,
+        least=5e-4,
+        most=0.02,
+        unit="s",
+        of="",
+        doc="time between two ticks of the controller, T",
     )
-    walking_state_machine: StateMachineParams = bounded(StateMachineParams)
-    timing_adapter: TimingAdapterParams = bounded(TimingAdapterParams)
-    footstep_planner: FootstepPlannerParams = bounded(FootstepPlannerParams)
-    step_adjuster: StepAdjusterParams = bounded(StepAdjusterParams)
-    icp_plan: IcpPlanParams = bounded(IcpPlanParams)
-    # The Atlas paper's QP, with its plan; they replace `step_adjuster`,
-    # `balance` and `icp_plan`.
-    icp_step_qp: IcpStepQpParams | None = None
-    atlas_icp_plan: AtlasIcpPlanParams = bounded(AtlasIcpPlanParams)
-    balance: MomentumQpParams = bounded(MomentumQpParams)
-    com_height: ComHeightParams = bounded(ComHeightParams)
-    swing_foot: SwingFootParams = bounded(SwingFootParams)
-    whole_body: WholeBodyQpParams = bounded(WholeBodyQpParams)
+    walking_state_machine: WalkingStateMachineParams = bounded(
+        WalkingStateMachineParams, doc="conditions that end a phase"
+    )
+    timing_adapter: TimingAdapterParams = bounded(
+        TimingAdapterParams, doc="of the timing of steps"
+    )
+    footstep_planner: FootstepPlannerParams = bounded(
+        FootstepPlannerParams, doc="of where to step"
+    )
+    step_adjuster: CaptureRegionStepAdjusterParams = bounded(
+        CaptureRegionStepAdjusterParams,
+        doc="of the adjustment of footholds by capture regions",
+    )
+    icp_plan: IcpPlanParams = bounded(IcpPlanParams, doc="of the ICP plan")
+    icp_step_qp: IcpStepQpParams | None = bounded(
+        None,
+        doc="of the Atlas paper's QP, if it replaces, with its plan, "
+        "`step_adjuster`, `balance` and `icp_plan`",
+    )
+    atlas_icp_plan: AtlasIcpPlanParams = bounded(
+        AtlasIcpPlanParams, doc="of the ICP plan for `icp_step_qp`"
+    )
+    balance: MomentumQpParams = bounded(
+        MomentumQpParams, doc="of the ICP feedback"
+    )
+    com_height: ComHeightParams = bounded(
+        ComHeightParams, doc="of the height of the CoM"
+    )
+    swing_foot: SwingFootParams = bounded(
+        SwingFootParams, doc="of the motion of the swing foot"
+    )
+    whole_body: WholeBodyQpParams = bounded(
+        WholeBodyQpParams, doc="of the whole-body QP"
+    )
 
     def validate_more(self) -> None:
-        """Raises ValueError if the QP moves more steps than are planned."""
-        qp, plan = self.icp_step_qp, self.atlas_icp_plan
-        if qp and qp.num_steps > (most := plan.num_previewed_steps):
-            must = f"must be <= num_previewed_steps = {most} of atlas_icp_plan"
-            raise ValueError(f"icp_step_qp.num_steps = {qp.num_steps}: {must}")
+        """Checks what bounds of single fields cannot say.
+
+        Raises:
+            ValueError: the QP moves more steps than are planned.
+        """
+        qp = self.icp_step_qp
+        planned = self.atlas_icp_plan.num_previewed_steps
+        if qp and qp.num_steps > planned:
+            raise ValueError(
+                f"icp_step_qp.num_steps = {qp.num_steps}: must be <= "
+                f"num_previewed_steps = {planned} of atlas_icp_plan"
+            )
 
 
 class CapturePointController(Diagram):
@@ -106,6 +155,18 @@ class CapturePointController(Diagram):
     FootstepPlanner, or FixedFootsteps if the start has some; without one, the
     `footsteps` are an input.
 
+    Args:
+        params: parameters of all blocks, and the control period.
+        model: point mass of the robot.
+        start: walking state at the start, by default standing.
+        **blocks: replace those of the same names, None leaves one out.  A block
+            has at least the output ports that others read, and any input whose
+            name is a signal of this diagram.
+
+    Raises:
+        ValueError: a parameter is out of range; a block lacks a port that
+            others need, has one of a wrong type, or has no place here.
+
     .. pydrake_system::
 
         name: CapturePointController
@@ -130,14 +191,14 @@ class CapturePointController(Diagram):
     )
     # The blocks, with the outputs that others read.
     ROLES = {
-        "walking_state_machine": "walking_state",
-        "footstep_planner": "footsteps",
-        "icp_planner": "icp_plan",
-        "timing_adapter": "time_adjustment",
-        "step_adjuster": "adjustment",
-        "momentum_qp": "ecmp_command",
-        "step_controller": "adjustment ecmp_command icp_reference",
-        "com_height_controller": "momentum_rate",
+        "walking_state_machine": ("walking_state",),
+        "footstep_planner": ("footsteps",),
+        "icp_planner": ("icp_plan",),
+        "timing_adapter": ("time_adjustment",),
+        "step_adjuster": ("adjustment",),
+        "momentum_qp": ("ecmp_command",),
+        "step_controller": ("adjustment", "ecmp_command", "icp_reference"),
+        "com_height_controller": ("momentum_rate",),
     }
 
     def __init__(
@@ -147,52 +208,65 @@ class CapturePointController(Diagram):
         *,
         start: WalkingState | None = None,
         **blocks: System | None,
-    ):
-        """Begins with the walking state `start`, by default standing.
-
-        `blocks` replace those of the same names, None leaves one out.  A block
-        has at least the output ports that others read, and any input whose name
-        is a signal of this diagram.
-
-        Raises ValueError: a parameter is out of range; a block lacks a port
-        that others need, has one of a wrong type, or has no place here.
-        """
+    ) -> None:
         super().__init__()
         check(params)
-        period, qp = params.control_period, params.icp_step_qp
-        plan = params.atlas_icp_plan if qp else params.icp_plan
-        clock = partial(planning.WalkingStateMachine, start=start)
-        footsteps = partial(
-            planning.FootstepPlanner,
-            adjuster=params.step_adjuster,
-            timing=params.timing_adapter,
-        )
-        if start is not None and start.schedule.footsteps:
-            footsteps = partial(
-                planning.FixedFootsteps,
-                footsteps=start.schedule.footsteps,
-                adjuster=params.step_adjuster,
-                timing=params.timing_adapter,
-            )
-        planner = partial(planning.IcpPlanner, has_reference=not qp)
-        usual: dict = {
-            "walking_state_machine": (clock, params.walking_state_machine),
-            "footstep_planner": (footsteps, params.footstep_planner),
-            "icp_planner": (planner, plan),
-            "timing_adapter": (planning.TimingAdapter, params.timing_adapter),
+        period = params.control_period
+        qp = params.icp_step_qp
+        makers: dict[str, Callable[[], System]] = {
+            "walking_state_machine": lambda: WalkingStateMachine(
+                params.walking_state_machine, model, period, start=start
+            ),
+            "footstep_planner": lambda: _footstep_planner(params, model, start),
+            "icp_planner": lambda: IcpPlanner(
+                params.atlas_icp_plan if qp else params.icp_plan,
+                model,
+                period,
+                has_reference=not qp,
+            ),
+            "timing_adapter": lambda: TimingAdapter(
+                params.timing_adapter, model, period
+            ),
         }
         if qp:  # both in one, for the Atlas paper's plan
-            usual["step_controller"] = feedback.IcpStepController, qp
+            makers["step_controller"] = lambda: IcpStepController(
+                qp, model, period
+            )
         else:
-            adjuster = steps.CaptureRegionStepAdjuster, params.step_adjuster
-            usual["step_adjuster"] = adjuster
-            usual["momentum_qp"] = feedback.MomentumQp, params.balance
-        height = feedback.ComHeightController, params.com_height
-        usual["com_height_controller"] = height
-        makers = {r: partial(*made, model, period) for r, made in usual.items()}
+            makers["step_adjuster"] = lambda: CaptureRegionStepAdjuster(
+                params.step_adjuster, model, period
+            )
+            makers["momentum_qp"] = lambda: MomentumQp(
+                params.balance, model, period
+            )
+        makers["com_height_controller"] = lambda: ComHeightController(
+            params.com_height, model, period
+        )
         builder = DiagramBuilder()
         wire(builder, fill(makers, self.ROLES, blocks), self.INPUTS)
         builder.BuildInto(self)
+
+
+def _footstep_planner(
+    params: ControllerParams, model: PointMassModel, start: WalkingState | None
+) -> FootstepPlanner:
+    """Returns FixedFootsteps, if the start has some."""
+    if start is None or not start.schedule.footsteps:
+        return FootstepPlanner(
+            params.footstep_planner,
+            model,
+            params.control_period,
+            adjuster=params.step_adjuster,
+            timing=params.timing_adapter,
+        )
+    return FixedFootsteps(
+        params.footstep_planner,
+        model,
+        params.control_period,
+        footsteps=start.schedule.footsteps,
+        adjuster=params.step_adjuster,
+        timing=params.timing_adapter,
+    )
 
 
 class BalanceController(Diagram):
@@ -233,6 +307,19 @@ class BalanceController(Diagram):
     the update of the tick it is computed from the inputs, afterwards it is
     held.  No other hold is needed between controller and plant.
 
+    Args:
+        params: parameters of all blocks, and the control period.
+        robot: robot that is controlled.
+        start: walking state at the start, by default standing.
+        ground: model of the ground; None: flat.
+        delay: of the measurements [s], a multiple of the control period.
+        tasks: tasks that are added to those of the whole-body QP.
+        **blocks: replace these blocks, and those of the CapturePointController,
+            by name; None leaves one out.
+
+    Raises:
+        ValueError: as CapturePointController; `tasks` for a QP not ours.
+
     .. pydrake_system::
 
         name: BalanceController
@@ -259,12 +346,12 @@ class BalanceController(Diagram):
     )
     # The blocks, with the outputs that others read.
     ROLES = {
-        "state_predictor": "predicted_state",
-        "centroidal_estimator": "com_state icp alip_icp foot_poses",
-        "capture_point_controller": "walking_state momentum_rate",
-        "swing_foot_planner": "swing_foot_reference",
-        "friction_estimator": "friction",
-        "whole_body_inverse_dynamics": "actuation",
+        "state_predictor": ("predicted_state",),
+        "centroidal_estimator": ("com_state", "icp", "alip_icp", "foot_poses"),
+        "capture_point_controller": ("walking_state", "momentum_rate"),
+        "swing_foot_planner": ("swing_foot_reference",),
+        "friction_estimator": ("friction",),
+        "whole_body_inverse_dynamics": ("actuation",),
     }
 
     def __init__(
@@ -277,44 +364,52 @@ class BalanceController(Diagram):
         delay: float = 0.0,
         tasks: Iterable[Task] = (),
         **blocks: System | None,
-    ):
-        """Begins with the walking state `start`, by default standing.
-
-        `ground` is the controller's model of the ground, None: flat; `delay`
-        [s] that of the measurements, a multiple of the period; `tasks` are
-        added to those of the whole-body QP.  `blocks` replace these blocks
-        and those of the CapturePointController by name; None leaves one out.
-
-        Raises ValueError: as CapturePointController; `tasks` for a QP not ours.
-        """
+    ) -> None:
         super().__init__()
         check(params)
-        period = params.control_period
-        own = params.whole_body
-        model = replace(robot.point_mass, ground=ground)
-        # Each torque is held for a period.
-        lead = robot.drives.lag + 0.5 * period if robot.drives else 0.0
         tasks = tuple(tasks)
         if tasks and "whole_body_inverse_dynamics" in blocks:
             names = ", ".join(task.name for task in tasks)
-            where = "the block that replaces whole_body_inverse_dynamics"
-            raise ValueError(f"tasks = {names}: must be given to {where}")
-        replaced = "capture_point_controller" in blocks
-        inner = {} if replaced else CapturePointController.ROLES
-        planners = {name: blocks.pop(name) for name in inner if name in blocks}
-        planned = partial(CapturePointController, start=start, **planners)
-        inverse_dynamics = whole_body.WholeBodyInverseDynamics
-        usual: tuple = (  # in the order of ROLES
-            (StatePredictor, robot, period, delay, lead),
-            (CentroidalEstimator, robot, own.avoidance, lead),
-            (planned, params, model),
-            (steps.SwingFootPlanner, params.swing_foot, model, period, lead),
-            (whole_body.FrictionEstimator, own, model, period),
-            (inverse_dynamics, own, robot, period, tasks),
+            raise ValueError(
+                f"tasks = {names}: must be given to the block that replaces "
+                "whole_body_inverse_dynamics"
+            )
+        period = params.control_period
+        model = replace(robot.point_mass, ground=ground)
+        # Each torque is held for a period.
+        lead = robot.drives.lag + 0.5 * period if robot.drives else 0.0
+        # The names of the blocks in the CapturePointController, unless it is
+        # replaced itself, and those of them that the user has.
+        inner = (
+            ()
+            if "capture_point_controller" in blocks
+            else CapturePointController.ROLES
         )
-        made = zip(self.ROLES, usual, strict=True)
-        makers = {role: partial(*kind) for role, kind in made}
+        planners = {name: blocks.pop(name) for name in inner if name in blocks}
+        makers: dict[str, Callable[[], System]] = {
+            "state_predictor": lambda: StatePredictor(
+                robot, period, delay=delay, lead=lead
+            ),
+            "centroidal_estimator": lambda: CentroidalEstimator(
+                robot, params.whole_body.avoidance, lead
+            ),
+            "capture_point_controller": lambda: CapturePointController(
+                params, model, start=start, **planners
+            ),
+            "swing_foot_planner": lambda: SwingFootPlanner(
+                params.swing_foot, model, period, lead=lead
+            ),
+            "friction_estimator": lambda: FrictionEstimator(
+                params.whole_body, model, period
+            ),
+            "whole_body_inverse_dynamics": lambda: WholeBodyInverseDynamics(
+                params.whole_body, robot, period, tasks=tasks
+            ),
+        }
         builder = DiagramBuilder()
-        found = fill(makers, self.ROLES, blocks, inner)
-        wire(builder, found, self.INPUTS)
+        wire(
+            builder,
+            fill(makers, outputs=self.ROLES, blocks=blocks, others=inner),
+            self.INPUTS,
+        )
         builder.BuildInto(self)

@@ -2,20 +2,21 @@
 
 import json
 import math
-from dataclasses import dataclass, field
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import Context, EventStatus, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
-from nadia_balance.parameters.bounds import bounded, check
+from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
-from nadia_balance.systems.ports import Input, inputs
+from nadia_balance.systems.ports import input_port, optional_input
 
 _METADATA = "dof_names", "kp", "kd"
 _STILL = 0.01  # slower commands are to stand [m/s], [rad/s]
@@ -24,27 +25,47 @@ _FIRST = {Side.LEFT: 0.0, Side.RIGHT: math.pi}  # phases at the start [rad]
 
 def _g1_pose() -> dict[str, float]:
     """Default angles [rad] of holosoma's policies for the G1."""
-    both = {"hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363}
-    both |= {"shoulder_pitch": 0.2, "elbow": 0.6}
-    pose = {f"{s.value}_{j}_joint": a for s in Side for j, a in both.items()}
-    return pose | {f"{s.value}_shoulder_roll_joint": 0.2 * s.sign for s in Side}
+    pose: dict[str, float] = {}
+    for side in Side:
+        pose |= {
+            f"{side.value}_hip_pitch_joint": -0.312,
+            f"{side.value}_knee_joint": 0.669,
+            f"{side.value}_ankle_pitch_joint": -0.363,
+            f"{side.value}_shoulder_pitch_joint": 0.2,
+            f"{side.value}_shoulder_roll_joint": 0.2 * side.sign,
+            f"{side.value}_elbow_joint": 0.6,
+        }
+    return pose
 
 
-@dataclass(kw_only=True)
+@parameters
 class PolicyParams:
     """What a policy was trained with, and its ONNX file does not say.
 
     By default, that of holosoma's walking policies for the G1.
     """
 
-    # q_0 by joint [rad]; of joints that are not named 0.
-    default_angles: dict[str, float] = field(default_factory=_g1_pose)
-    action_scale: float = bounded(0.25, above=0.0)  # s [rad]
-    action_limit: float = bounded(100.0, above=0.0)  # of |a| [-]
-    gyro_scale: float = bounded(0.25, above=0.0)  # [s/rad]
-    speed_scale: float = bounded(0.05, above=0.0)  # [s/rad]
-    period: float = bounded(0.02, above=0.0, unit="s")  # from action to action
-    stride: float = bounded(1.0, above=0.0, unit="s")  # of two steps
+    default_angles: dict[str, float] = bounded(
+        _g1_pose, doc="q_0 by joint, in rad; of joints that are not named 0"
+    )
+    action_scale: float = bounded(0.25, above=0.0, doc="s, in rad")
+    action_limit: float = bounded(
+        100.0, above=0.0, doc="largest entry of an action"
+    )
+    gyro_scale: float = bounded(
+        0.25,
+        above=0.0,
+        doc="of the angular velocity in an observation, in s/rad",
+    )
+    speed_scale: float = bounded(
+        0.05, above=0.0, doc="of the joint speeds in an observation, in s/rad"
+    )
+    period: float = bounded(
+        0.02, above=0.0, unit="s", doc="time from action to action"
+    )
+    stride: float = bounded(
+        1.0, above=0.0, unit="s", doc="duration of two steps"
+    )
 
 
 class PolicyController(LeafSystem):
@@ -86,6 +107,15 @@ class PolicyController(LeafSystem):
     left [m/s] and yaw rate [rad/s], 0 if not connected, `actuation` (n,) [N m]
     in the order of its actuators.  The discrete state is [a, phases] (n + 2,).
 
+    Args:
+        robot: robot that walks.
+        onnx: file of the policy.
+        params: what the policy was trained with, by default PolicyParams().
+
+    Raises:
+        ValueError: the file is no such policy, or one of another robot, or
+            onnxruntime is missing: one line that names what differs.
+
     .. pydrake_system::
 
         name: PolicyController
@@ -93,82 +123,113 @@ class PolicyController(LeafSystem):
         output_ports: [actuation]
     """
 
-    def __init__(self, robot: RobotModel, onnx: str | Path, params=None):
-        """Reads the policy for `robot` from the file `onnx`; see PolicyParams.
-
-        Raises ValueError: the file is no such policy, or one of another robot,
-        or onnxruntime is missing: one line that names what differs.
-        """
+    def __init__(
+        self,
+        robot: RobotModel,
+        onnx: str | Path,
+        params: PolicyParams | None = None,
+    ) -> None:
         super().__init__()
         self.params = params = params or PolicyParams()
         check(params)
-        what = f"controller = {str(onnx)!r}: must"
+        name = f"controller = {str(onnx)!r}"
         self.file = Path(onnx).name
-        self._network = _session(Path(onnx), what)
-        self.joints, self._kp, self._kd = _metadata(self._network, what)
-        self._port = _checked_port(self._network, len(self.joints), what)
+        self._network = _session(Path(onnx), name)
+        self.joints, self._kp, self._kd = _metadata(self._network, name)
+        self._port = _checked_port(self._network, len(self.joints), name)
         plant = robot.control_plant()
         joints = [drive.joint() for drive in actuators(plant)]
         names = [joint.name() for joint in joints]
-        _same(names, self.joints, f"{what} be of the joints of {robot.name}")
-        for name in {*params.default_angles} - {*names}:
-            why = f"must be a joint of {robot.name}"
-            raise ValueError(f"default_angles.{name}: {why}")
+        _check_names(
+            self.joints,
+            names,
+            message=f"{name}: must be of the joints of {robot.name}",
+        )
+        for joint in {*params.default_angles} - {*names}:
+            raise ValueError(
+                f"default_angles.{joint}: must be a joint of {robot.name}"
+            )
         # In the order of the policy.
-        places = [names.index(name) for name in self.joints]
-        nq, default = plant.num_positions(), params.default_angles.get
+        places = [names.index(joint) for joint in self.joints]
+        nq = plant.num_positions()
         self._q = np.array([joints[i].position_start() for i in places])
         self._v = nq + np.array([joints[i].velocity_start() for i in places])
         self._spin = slice(nq, nq + 3)  # of the floating base, in W
-        self._q0 = np.array([default(name, 0.0) for name in self.joints])
-        self._limits = plant.GetEffortUpperLimits()[places]
+        self._q0 = np.array(
+            [params.default_angles.get(joint, 0.0) for joint in self.joints]
+        )
+        self._limits: Any = plant.GetEffortUpperLimits()[places]
         self._actuators = np.argsort(places)  # from the policy's order
-        size = plant.num_multibody_states()
-        self._state = Input(self, "estimated_state", size)
-        (self._command,) = inputs(self, "velocity_command")
-        first = [*np.zeros(len(names)), *_FIRST.values()]
-        self._memory = self.DeclareDiscreteState(first)
-        memory = self.discrete_state_ticket(self._memory)
-        out = "actuation", len(names), self._calc_torques
-        self.DeclareVectorOutputPort(*out, {self._state.ticket(), memory})
-        every = params.period, 0.0, self._update
-        self.DeclarePeriodicUnrestrictedUpdateEvent(*every)
+        self._state = input_port(
+            self, "estimated_state", plant.num_multibody_states()
+        )
+        self._command = optional_input(
+            self, "velocity_command", default=np.zeros(3)
+        )
+        first: Any = [*np.zeros(len(names)), *_FIRST.values()]
+        self._memory: Any = self.DeclareDiscreteState(first)
+        self.DeclareVectorOutputPort(
+            "actuation",
+            len(names),
+            self._calc_torques,
+            {self._state.ticket(), self.discrete_state_ticket(self._memory)},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
+            params.period, 0.0, self._update
+        )
 
-    def observe(self, context: Context) -> np.ndarray:
-        """Returns the observation (3 n + 13,) of the tick of `context`."""
-        p, state = self.params, self._state(context)
+    def observe(self, context: Context) -> Array:
+        """The observation of a tick.
+
+        Args:
+            context: that of this system.
+
+        Returns:
+            The observation (3 n + 13,), see PolicyController.
+        """
+        state = self._state(context)
         memory = context.get_discrete_state(self._memory).value()
         phases = self._advanced(context)
         unit = state[:4] / np.linalg.norm(state[:4])
-        R_BW = RotationMatrix(Quaternion(unit)).inverse()
-        *velocity, yaw_rate = self._command(context)
-        spin, speeds = R_BW @ state[self._spin], state[self._v]
-        moved, down = state[self._q] - self._q0, R_BW @ [0.0, 0.0, -1.0]
-        parts = [memory[:-2], p.gyro_scale * spin, [yaw_rate, *velocity]]
-        parts += [np.cos(phases), moved, p.speed_scale * speeds, down]
-        return np.concatenate([*parts, np.sin(phases)])
+        R_BW: Any = RotationMatrix(Quaternion(unit)).inverse()
+        forward, left, yaw_rate = self._command(context)
+        return np.concatenate(
+            [
+                memory[:-2],
+                self.params.gyro_scale * (R_BW @ state[self._spin]),
+                [yaw_rate],
+                [forward, left],
+                np.cos(phases),
+                state[self._q] - self._q0,
+                self.params.speed_scale * state[self._v],
+                R_BW @ [0.0, 0.0, -1.0],
+                np.sin(phases),
+            ]
+        )
 
-    def _advanced(self, context: Context) -> np.ndarray:
+    def _advanced(self, context: Context) -> Array:
         """The phases (2,) of the next tick."""
         forward, left, yaw_rate = self._command(context)
         if max(math.hypot(forward, left), abs(yaw_rate)) < _STILL:
             return np.full(2, math.pi)
-        phases = context.get_discrete_state(self._memory).value()[-2:]
+        phases: Any = context.get_discrete_state(self._memory).value()[-2:]
         if np.array_equal(phases, np.full(2, math.pi)):  # it stood
             phases = np.array([*_FIRST.values()])
-        return phases + 2.0 * math.pi * self.params.period / self.params.stride
+        return np.asarray(
+            phases + 2.0 * math.pi * self.params.period / self.params.stride
+        )
 
-    def _update(self, context: Context, state) -> EventStatus:
-        seen = self.observe(context).astype(np.float32)
-        action = self._network.run(None, {self._port: seen[None]})[0][0]
-        most = self.params.action_limit
-        after = [*np.clip(action, -most, most), *self._advanced(context)]
-        state.get_mutable_discrete_state(self._memory).set_value(after)
-        return EventStatus.Succeeded()
+    def _update(self, context: Context, state: Any) -> None:
+        observation = self.observe(context).astype(np.float32)
+        action = self._network.run(None, {self._port: observation[None]})[0][0]
+        limit = self.params.action_limit
+        state.get_mutable_discrete_state(self._memory).set_value(
+            [*np.clip(action, -limit, limit), *self._advanced(context)]
+        )
 
-    def _calc_torques(self, context: Context, output) -> None:
+    def _calc_torques(self, context: Context, output: BasicVector) -> None:
         state = self._state(context)
-        action = context.get_discrete_state(self._memory).value()[:-2]
+        action: Any = context.get_discrete_state(self._memory).value()[:-2]
         target = self._q0 + self.params.action_scale * action
         torques = self._kp * (target - state[self._q])
         torques -= self._kd * state[self._v]
@@ -176,58 +237,76 @@ class PolicyController(LeafSystem):
         output.SetFromVector(torques[self._actuators])
 
 
-def _session(onnx: Path, what: str) -> Any:
-    """The network in the file `onnx`; errors begin with `what`."""
+def _session(onnx: Path, name: str) -> Any:
+    """The network in the file `onnx`; errors begin with `name`."""
     if not onnx.is_file():
-        raise ValueError(f"{what} be a file")
+        raise ValueError(f"{name}: must be a file")
     try:
-        import onnxruntime
+        import onnxruntime  # type: ignore[import-untyped]
     except ModuleNotFoundError:
-        why = "have its package: pip install onnxruntime"
-        raise ValueError(f"{what} {why}") from None
+        raise ValueError(
+            f"{name}: must have its package: pip install onnxruntime"
+        ) from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     try:
         return onnxruntime.InferenceSession(str(onnx), options)
     except Exception as error:  # its exceptions have no class in common
         reason = " ".join(str(error).split())
-        raise ValueError(f"{what} be an ONNX model ({reason})") from None
+        raise ValueError(f"{name}: must be an ONNX model ({reason})") from None
 
 
-def _metadata(network: Any, what: str) -> tuple[list[str], Any, Any]:
+def _metadata(network: Any, name: str) -> tuple[list[str], Any, Any]:
     """The names (n,) of the joints, and the gains (n,) and (n,)."""
     texts = network.get_modelmeta().custom_metadata_map
-    _same(_METADATA, set(texts) & {*_METADATA}, f"{what} have metadata")
+    _check_names(
+        [key for key in _METADATA if key in texts],
+        expected=_METADATA,
+        message=f"{name}: must have metadata",
+    )
     try:
-        names, *gains = (json.loads(texts[name]) for name in _METADATA)
-        names, gains = [*map(str, names)], np.array(gains, dtype=float)
+        names = [str(joint) for joint in json.loads(texts["dof_names"])]
+        gains = np.array(
+            [json.loads(texts["kp"]), json.loads(texts["kd"])], dtype=float
+        )
     except (TypeError, ValueError):  # no JSON, or lists of several lengths
         names, gains = [], np.zeros((2, 0))
-    sized = len({*names}) > 0 and gains.shape == (2, len({*names}))
-    if not sized or not np.all((gains >= 0.0) & np.isfinite(gains)):
-        lists = "dof_names, as many kp >= 0 and kd >= 0"
-        raise ValueError(f"{what} have lists in JSON as metadata: {lists}")
-    return names, *gains
+    if (
+        not names
+        or gains.shape != (2, len({*names}))
+        or not np.all((gains >= 0.0) & np.isfinite(gains))
+    ):
+        raise ValueError(
+            f"{name}: must have lists in JSON as metadata: dof_names, as many "
+            "kp >= 0 and kd >= 0"
+        )
+    return names, gains[0], gains[1]
 
 
-def _checked_port(network: Any, n: int, what: str) -> str:
+def _checked_port(network: Any, n: int, name: str) -> str:
     """The name of the input, if input and output fit `n` joints."""
-    for name, ports, size in (
+    for kind, ports, size in (
         ("input", network.get_inputs(), 3 * n + 13),
         ("output", network.get_outputs(), n),
     ):
-        wanted = f"tensor(float) [1, {size}]"
-        has = ", ".join(f"{port.type} {port.shape}" for port in ports)
-        if has != wanted:
-            why = f"have one {name} {wanted} for {n} joints; has {has}"
-            raise ValueError(f"{what} {why}")
-    return network.get_inputs()[0].name
+        needed = f"tensor(float) [1, {size}]"
+        types = ", ".join(f"{port.type} {port.shape}" for port in ports)
+        if types != needed:
+            raise ValueError(
+                f"{name}: must have one {kind} {needed} for {n} joints; has "
+                f"{types}"
+            )
+    return str(network.get_inputs()[0].name)
 
 
-def _same(wanted: Any, found: Any, what: str) -> None:
-    """Raises ValueError, beginning with `what`, unless the names agree."""
-    more = [name for name in found if name not in wanted]
-    told = {"lacks": [n for n in wanted if n not in found], "has besides": more}
-    said = [f"{v} {', '.join(names)}" for v, names in told.items() if names]
-    if said:
-        raise ValueError(f"{what}: {'; '.join(said)}")
+def _check_names(
+    names: Collection[str], expected: Collection[str], message: str
+) -> None:
+    """Raises ValueError, beginning with `message`, unless the names agree."""
+    faults = {
+        "lacks": [name for name in expected if name not in names],
+        "has besides": [name for name in names if name not in expected],
+    }
+    texts = [f"{verb} {', '.join(n)}" for verb, n in faults.items() if n]
+    if texts:
+        raise ValueError(f"{message}: {'; '.join(texts)}")

@@ -41,12 +41,12 @@ def told(system, period, inputs: list[dict], *outputs: str):
     """The values of each output (n, ...) in n ticks with their inputs."""
     simulator, context = running(system, **inputs[0])
     simulator.Initialize()
-    found = []
+    rows = []
     for i, now in enumerate(inputs, start=1):
         fix(system, context, **now)
-        found.append([answer(system, context, name) for name in outputs])
+        rows.append([answer(system, context, name) for name in outputs])
         simulator.AdvanceTo(i * period)
-    return [np.array(values) for values in zip(*found, strict=True)]
+    return [np.array(values) for values in zip(*rows, strict=True)]
 
 
 def tick(simulator: Simulator, period: float) -> None:

@@ -20,7 +20,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.robot.model import load_robot
-from nadia_balance.systems.ports import declare_output, inputs
+from nadia_balance.systems.ports import declare_output, input_port
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix
@@ -76,7 +76,7 @@ class Aside(LeafSystem):
 
     def __init__(self, outputs=("adjustment",), **vectors):
         super().__init__()
-        (self._state,) = inputs(self, "walking_state")
+        self._state = input_port(self, "walking_state")
         needs = {self._state.ticket()}
         for name in outputs:
             declare_output(self, name, self._calc, needs)
@@ -136,8 +136,8 @@ def test_whoever_lacks_a_walking_state_or_regions_is_drawn_and_told():
             )
 
     scenario = load_scenario("push_standing")
-    for what in {"controller": Limp()}, {"step_adjuster": Aside()}:
-        diagram = HumanoidDiagram(scenario, start_meshcat()[0], **what)
+    for blocks in {"controller": Limp()}, {"step_adjuster": Aside()}:
+        diagram = HumanoidDiagram(scenario, start_meshcat()[0], **blocks)
         assert not simulate(diagram, 0.05).error
     with pytest.raises(ValueError, match="^controller = Limp: .*'actuation'"):
         HumanoidDiagram(scenario, controller=Limp(22))

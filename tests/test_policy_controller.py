@@ -78,9 +78,9 @@ def test_observes_and_acts_in_the_order_of_the_policy(made):
         simulator.AdvanceTo((tick - 0.5) * 0.02)
         action = W @ seen + B
         torques = (KP * (q0 + 0.25 * action - q) - KD * v)[::-1]
-        found = answer(controller, context, "actuation")
+        actuation = answer(controller, context, "actuation")
         expected = np.clip(torques, -limits, limits)
-        assert found == pytest.approx(expected, abs=1e-2)
+        assert actuation == pytest.approx(expected, abs=1e-2)
         simulator.AdvanceTo(tick * 0.02 - 1e-6)
     assert np.any(np.abs(torques) > limits)
 
@@ -152,12 +152,12 @@ def test_bad_files_and_flags_are_refused(made, tmp_path, capsys, monkeypatch):
     good = made()
     (tmp_path / "bare.onnx").write_bytes(linear_policy(W, B))
     (tmp_path / "bad.onnx").write_text("this is no network\n")
-    for name, what in {
+    for name, rule in {
         "none.onnx": "be a file",
         "bad.onnx": "be an ONNX model (",
         "bare.onnx": "have metadata: lacks dof_names, kp, kd",
     }.items():
-        message = f"controller = {str(tmp_path / name)!r}: must {what}"
+        message = f"controller = {str(tmp_path / name)!r}: must {rule}"
         with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
             PolicyController(ROBOT, tmp_path / name)
 
@@ -165,13 +165,19 @@ def test_bad_files_and_flags_are_refused(made, tmp_path, capsys, monkeypatch):
         flags = ["--robot", "g1", "--controller", good, *argv]
         assert_refused(run_script(script, flags, capsys), message)
 
-    quick = ["--no-meshcat", "--out", tmp_path / "run"]
+    out = tmp_path / "run"
     must = f"controller = {str(good)!r}: must "
-    refused(push, f"{must}not", *quick, "--plant", "lipm")
+    refused(push, f"{must}not", "--no-meshcat", "--out", out, "--plant", "lipm")
     refused(envelope, f"{must}not come with", "--mechanisms", "step")
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    refused(push, f"{must}have its package: pip install onnxruntime", *quick)
-    assert not (tmp_path / "run").exists()
+    refused(
+        push,
+        f"{must}have its package: pip install onnxruntime",
+        "--no-meshcat",
+        "--out",
+        out,
+    )
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("engine", ["drake", "mujoco"])
@@ -182,8 +188,9 @@ def test_a_run_is_told_without_what_it_lacks(made, tmp_path, engine):
     """
     path = made(W=0.0 * W, b=0.0 * B, kp=[200.0] * N, kd=[5.0] * N)
     text = "pushes: [{delta_v: 1.0, direction_deg: 90.0, at: 0.1 s}]"
-    of = {"robot": "g1", "engine": engine, "duration": 1.2, "text": text}
-    scenario = load_scenario("push", **of)
+    scenario = load_scenario(
+        "push", robot="g1", engine=engine, duration=1.2, text=text
+    )
     diagram = HumanoidDiagram(scenario, None, PolicyController(ROBOT, path))
     run = simulate(diagram, 1.2)
     summary = run.summary
@@ -193,9 +200,9 @@ def test_a_run_is_told_without_what_it_lacks(made, tmp_path, engine):
     assert (felt["time_s"], felt["direction_deg"]) == pytest.approx((0.1, 90.0))
     for name in ("max_icp_error_m", "stance_slip_m", "recovery_time_s"):
         assert summary[name] is None
-    told = telling_lines(run.logs, summary)
-    assert told[0].startswith("t=0.10 s  push 1.00 m/s left ")
-    assert "FELL" in told[-1]
+    lines = telling_lines(run.logs, summary)
+    assert lines[0].startswith("t=0.10 s  push 1.00 m/s left ")
+    assert "FELL" in lines[-1]
     plots = write_plots(tmp_path, run.logs, summary)
     assert plots == ["timeline.png", "effort.png"]
 
@@ -230,6 +237,6 @@ def test_the_user_commands_it_where_the_scenario_does_not(made):
     simulator = start(diagram)
     simulator.AdvanceTo(0.1)
     policy = diagram.controller
-    own = policy.GetMyContextFromRoot(simulator.get_context())
-    command = policy.GetInputPort("velocity_command").Eval(own)
+    context = policy.GetMyContextFromRoot(simulator.get_context())
+    command = policy.GetInputPort("velocity_command").Eval(context)
     assert command == pytest.approx([0.2, 0.0, 0.0])

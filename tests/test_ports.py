@@ -144,11 +144,11 @@ def diagrams() -> list[Diagram]:
 @pytest.fixture(scope="module")
 def simulators(diagrams) -> list[Simulator]:
     """All of them in the middle of the first swing; nothing moves them on."""
-    found = list(map(Simulator, diagrams))
-    for diagram, simulator in zip(diagrams, found, strict=True):
+    all_simulators = list(map(Simulator, diagrams))
+    for diagram, simulator in zip(diagrams, all_simulators, strict=True):
         diagram.set_initial_state(simulator.get_mutable_context())
         simulator.AdvanceTo(MID_SWING)
-    return found
+    return all_simulators
 
 
 @pytest.fixture(scope="module")
@@ -156,15 +156,15 @@ def systems(diagrams, tmp_path_factory) -> dict[type, System]:
     """One instance of every class, from the first diagram that has it."""
     policy = tmp_path_factory.mktemp("policy") / "policy.onnx"
     policy.write_bytes(linear_policy(W, B, **GOOD))
-    found: dict[type, System] = {
+    by_class: dict[type, System] = {
         PolicyController: PolicyController(ROBOT, policy),
         ContactClock: ContactClock(1.0, 0.004),
         FootstepPlanner: FootstepPlanner(FootstepPlannerParams(), MODEL, 0.004),
     }
     for diagram in diagrams:
         for system in systems_in(diagram):
-            found.setdefault(type(system), system)
-    return found
+            by_class.setdefault(type(system), system)
+    return by_class
 
 
 def names(system: System, kind: str) -> list[str]:
@@ -191,11 +191,13 @@ def test_outputs_depend_at_once_on_no_more_than_they_must(kind, systems):
     """Oracle: the table of architecture decisions above."""
     system = systems[kind]
     inputs, outputs = names(system, "input"), names(system, "output")
-    told = FEEDTHROUGH[kind.__name__]
-    through, found = system.HasDirectFeedthrough, {}
+    expected = FEEDTHROUGH[kind.__name__]
+    through, actual = system.HasDirectFeedthrough, {}
     for j, output in enumerate(outputs):
-        found[output] = {n for i, n in enumerate(inputs) if through(i, j)}
-    assert {output: set(told[output].split()) for output in told} == found
+        actual[output] = {n for i, n in enumerate(inputs) if through(i, j)}
+    assert {
+        output: set(expected[output].split()) for output in expected
+    } == actual
 
 
 def our_outputs(diagram: Diagram, root: Context) -> dict[str, str]:
@@ -298,12 +300,12 @@ def assert_not_taken(block, source, values, port):
     """Puts values that are not finite, or of no type, into this port."""
     name, value = block.get_name(), values[port]
     if isinstance(value, np.ndarray):
-        what = "is not finite"
+        fault = "is not finite"
         spoilt = [np.append(value[:-1], bad) for bad in (np.nan, -np.inf)]
         spoilt.append(np.append(np.inf, value[1:]))
     else:
-        what, spoilt = "got a tuple, needs a [WFIA]", [("no", "such", "thing")]
-    message = f"^{re.escape(name)}: input port '{port}' {what}"
+        fault, spoilt = "got a tuple, needs a [WFIA]", [("no", "such", "thing")]
+    message = f"^{re.escape(name)}: input port '{port}' {fault}"
     index = block.GetInputPort(port).get_index()
     outputs = [*map(block.get_output_port, range(block.num_output_ports()))]
     for bad in spoilt:

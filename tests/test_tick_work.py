@@ -46,8 +46,8 @@ def is_ours(frame: FrameType) -> bool:
     That are Python's own modules, numpy's and Drake's.
     """
     module = frame.f_globals.get("__name__", "")
-    own = module.split(".")[0] == "nadia_balance"
-    return own and frame.f_code.co_name not in COMPREHENSIONS
+    is_package = module.split(".")[0] == "nadia_balance"
+    return is_package and frame.f_code.co_name not in COMPREHENSIONS
 
 
 def counting(counts: Counter, name: str, method: Callable) -> Callable:

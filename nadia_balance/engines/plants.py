@@ -160,9 +160,10 @@ class PointMassPlant(framework.LeafSystem):
         com = [*point.com, model.com_height, *point.com_velocity, 0.0]
         self._com = self.DeclareDiscreteState(com)
         self._foot = self.DeclareDiscreteState([*foot.p_WF, foot.yaw])
-        self._ecmp, self._swing, self._walking, self._push = ports.inputs(
-            self, "ecmp_command swing_foot_reference walking_state push_force"
-        )
+        self._ecmp = ports.input_port(self, "ecmp_command")
+        self._swing = ports.input_port(self, "swing_foot_reference")
+        self._walking = ports.input_port(self, "walking_state")
+        self._push = ports.input_port(self, "push_force")
         self.DeclareStateOutputPort("com_state", self._com)
         com = [self.discrete_state_ticket(self._com)]
         ports.declare_output(self, "icp", self._calc_icp, com)

@@ -1,23 +1,45 @@
 """ICP feedback: the eCMP, footholds in the same QP, and the CoM's height."""
 
 from dataclasses import replace
+from typing import Any
 
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.feedback import icp_step_qp, momentum_qp
-from nadia_balance.core.feedback.momentum_qp import momentum_rate
-from nadia_balance.core.math import lipm
+from nadia_balance.core.feedback.icp_step_qp import (
+    IcpStepControl,
+    IcpStepQpParams,
+    StepFeedback,
+)
+from nadia_balance.core.feedback.momentum_qp import (
+    IcpFeedbackQp,
+    MomentumQpParams,
+    feedback_limits,
+    momentum_rate,
+)
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.lipm import icp
 from nadia_balance.core.math.polygon import shrink
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlan
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import USUAL
 from nadia_balance.core.walking.state import Phase, support_polygon
 from nadia_balance.parameters.bounds import check
-from nadia_balance.systems import ports
-from nadia_balance.systems.signals import QpStatus, sizes
+from nadia_balance.systems.ports import (
+    declare_cache,
+    declare_outcome,
+    declare_output,
+    declare_plan,
+    input_port,
+    optional_input,
+)
+from nadia_balance.systems.signals import (
+    EcmpCommand,
+    IcpReference,
+    QpStatus,
+    size,
+)
 
 
 class MomentumQp(LeafSystem):
@@ -27,6 +49,11 @@ class MomentumQp(LeafSystem):
     k_p (icp - icp_r) = delta + kappa with the CoP in the soles (Nadia paper,
     Eqs. 6-8).  The discrete state holds the last outputs and [delta, kappa].
 
+    Args:
+        params: gains, weights and limits of the QP.
+        model: point mass of the robot.
+        period: control period [s].
+
     .. pydrake_system::
 
         name: MomentumQp
@@ -35,37 +62,53 @@ class MomentumQp(LeafSystem):
     """
 
     def __init__(
-        self,
-        params: momentum_qp.MomentumQpParams,
-        model: PointMassModel,
-        period: float,
-    ):
+        self, params: MomentumQpParams, model: PointMassModel, period: float
+    ) -> None:
         super().__init__()
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
-        self._qp = momentum_qp.IcpFeedbackQp(params)
-        names = "icp icp_reference walking_state"
-        self._icp, self._reference, self._walking = ports.inputs(self, names)
-        self._limits = ports.declare_plan(
+        self._qp = IcpFeedbackQp(params)
+        self._icp = input_port(self, "icp")
+        self._reference = input_port(self, "icp_reference")
+        self._walking = input_port(self, "walking_state")
+        self._limits: Any = declare_plan(
             self,
             self._walking,
-            lambda state: momentum_qp.feedback_limits(
+            lambda state: feedback_limits(
                 support_polygon(state.schedule, model.cop_area),
                 state.schedule.feet[state.schedule.support_side].yaw,
                 params,
             ),
         )
-        told = sizes("ecmp_command momentum_qp_status")
-        ports.Outcome(self, told, {"increments": 4}, self._calc_outcome, period)
-
-    def _calc_outcome(self, context, last) -> tuple:
-        reference, limits = self._reference(context), self._limits.Eval(context)
-        error, cop_r = self._icp(context) - reference.icp, reference.cop
-        found = self._qp.solve(
-            error, cop_r, reference.ecmp - cop_r, last["increments"], limits[1]
+        declare_outcome(
+            self,
+            outputs={
+                "ecmp_command": size(EcmpCommand),
+                "momentum_qp_status": size(QpStatus),
+            },
+            memory={"increments": 4},
+            calc=self._calc_outcome,
+            period=period,
         )
-        status = QpStatus(last["momentum_qp_status"]).after(found.result)
-        return found.cop, found.ecmp, status, found.increments
+
+    def _calc_outcome(
+        self, context: Context, last: dict[str, Any]
+    ) -> tuple[Any, ...]:
+        reference = self._reference(context)
+        cop_r = reference.cop
+        feedback = self._qp.solve(
+            error=self._icp(context) - reference.icp,
+            cop_r=cop_r,
+            kappa_r=reference.ecmp - cop_r,
+            previous=last["increments"],
+            limits=self._limits.Eval(context)[1],
+        )
+        return (
+            feedback.cop,
+            feedback.ecmp,
+            QpStatus(last["momentum_qp_status"]).after(feedback.result),
+            feedback.increments,
+        )
 
 
 class IcpStepController(LeafSystem):
@@ -77,6 +120,14 @@ class IcpStepController(LeafSystem):
     in a swing reach and footholds; CoP and eCMP of `ecmp_command` are equal.
     The discrete state holds the last three outputs, as of the last tick.
 
+    Args:
+        params: gains, weights and limits of the QP.
+        model: point mass of the robot.
+        period: control period [s].
+
+    Raises:
+        ValueError: a bad parameter, or no room for uncrossed legs.
+
     .. pydrake_system::
 
         name: IcpStepController
@@ -87,56 +138,82 @@ class IcpStepController(LeafSystem):
     """
 
     def __init__(
-        self,
-        params: icp_step_qp.IcpStepQpParams,
-        model: PointMassModel,
-        period: float,
-    ):
-        """Raises ValueError: a bad parameter, no room for uncrossed legs."""
+        self, params: IcpStepQpParams, model: PointMassModel, period: float
+    ) -> None:
         super().__init__()
         check(params)
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
-        self._control = control = icp_step_qp.IcpStepControl(params, model)
-        self._icp, self._walking = ports.inputs(self, "icp walking_state")
-        self._icp_plan = ports.Input(self, "icp_plan", AtlasIcpPlan)
-        self._time, self._on = ports.inputs(self, "time_adjustment mechanisms")
-        self._phase = ports.declare_plan(self, self._walking, control.phase)
-        self._feedback = ports.declare_cache(self, "feedback", self._calc)
+        self._control = IcpStepControl(params, model)
+        self._icp = input_port(self, "icp")
+        self._walking = input_port(self, "walking_state")
+        self._plan = input_port(self, "icp_plan", AtlasIcpPlan)
+        self._time = optional_input(self, "time_adjustment", default=(0.0, 0.0))
+        self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
+        self._phase: Any = declare_plan(
+            self, self._walking, self._control.phase
+        )
+        self._feedback: Any = declare_cache(
+            self, "feedback", self._calc_feedback
+        )
         needs = [self._feedback]
-        ports.declare_output(self, "adjustment", self._adjustment, needs)
-        ports.declare_output(self, "capture_regions", self._regions, needs)
-        told = sizes("ecmp_command momentum_qp_status icp_reference")
-        ports.Outcome(self, told, {}, self._calc_outcome, period, needs)
+        declare_output(self, "adjustment", self._calc_adjustment, needs=needs)
+        declare_output(self, "capture_regions", self._calc_regions, needs=needs)
+        declare_outcome(
+            self,
+            outputs={
+                "ecmp_command": size(EcmpCommand),
+                "momentum_qp_status": size(QpStatus),
+                "icp_reference": size(IcpReference),
+            },
+            memory={},
+            calc=self._calc_outcome,
+            period=period,
+            needs=needs,
+        )
 
-    def _calc(self, context, _) -> icp_step_qp.StepFeedback:
+    def _calc_feedback(self, context: Context, _: object) -> StepFeedback:
         state = self._walking(context)
-        if (gain := float(self._time(context)[0])) > 0.0:  # t+
-            time = min(state.time_in_phase + gain, state.schedule.duration)
+        time_gain = float(self._time(context)[0])
+        if time_gain > 0.0:  # t+
+            time = min(state.time_in_phase + time_gain, state.schedule.duration)
             state = replace(state, time_in_phase=time)
         return self._control.feedback(
             state,
-            self._phase.Eval(context)[1],
-            self._icp_plan(context),
-            self._icp(context),
-            self._on(context).step,
+            phase=self._phase.Eval(context)[1],
+            plan=self._plan(context),
+            icp=self._icp(context),
+            on=self._mechanisms(context).step,
         )
 
-    def _adjustment(self, context) -> walking.Adjustment | None:
+    def _calc_adjustment(self, context: Context) -> Any:
         return self._feedback.Eval(context).adjustment
 
-    def _regions(self, context) -> CaptureRegions:
+    def _calc_regions(self, context: Context) -> CaptureRegions:
         if self._walking(context).schedule.phase is not Phase.SWING:
             return CaptureRegions()
         phase = self._phase.Eval(context)[1]
         # While `step` is off, the previous adjustment holds.
-        now = self._adjustment(context) or phase.adjustment
-        return CaptureRegions((), phase.reach, now.nominal.pose, now.pose)
+        adjustment = self._calc_adjustment(context) or phase.adjustment
+        return CaptureRegions(
+            regions=(),
+            reach=phase.reach,
+            nominal=adjustment.nominal.pose,
+            adjusted=adjustment.pose,
+        )
 
-    def _calc_outcome(self, context, last) -> tuple:
-        _, reference, ecmp, result = self._feedback.Eval(context)
-        status = QpStatus(last["momentum_qp_status"]).after(result)
-        plan = reference.icp, reference.icp_velocity, reference.cop
-        return ecmp, ecmp, status, *plan, reference.ecmp
+    def _calc_outcome(
+        self, context: Context, last: dict[str, Any]
+    ) -> tuple[Any, ...]:
+        feedback = self._feedback.Eval(context)
+        return (
+            feedback.ecmp,  # as CoP, too
+            feedback.ecmp,
+            QpStatus(last["momentum_qp_status"]).after(feedback.result),
+            feedback.reference.icp,
+            feedback.reference.icp_velocity,
+            feedback.reference.cop,
+            feedback.reference.ecmp,
+        )
 
 
 class ComHeightController(LeafSystem):
@@ -147,6 +224,12 @@ class ComHeightController(LeafSystem):
     (|icp - ecmp| - sink_distance).  The horizontal part is the pendulum's
     (Nadia paper, Eqs. 1 and 5).  The block has no state.
 
+    Args:
+        params: gains and limits of the height.
+        model: point mass of the robot.
+        period: not used, as the law has no memory: every block is made by
+            Block(params, model, period).
+
     .. pydrake_system::
 
         name: ComHeightController
@@ -156,30 +239,43 @@ class ComHeightController(LeafSystem):
 
     def __init__(
         self, params: ComHeightParams, model: PointMassModel, period: float
-    ):
+    ) -> None:
         super().__init__()
         check(params)
-        self._model, self._control = model, ComHeight(params, model)
-        names = "com_state ecmp_command walking_state"
-        self._com, self._ecmp, self._walking = ports.inputs(self, names)
-        self._height = ports.declare_plan(
+        self._model = model
+        self._control = ComHeight(params, model)
+        self._com = input_port(self, "com_state")
+        self._ecmp = input_port(self, "ecmp_command")
+        self._walking = input_port(self, "walking_state")
+        self._height: Any = declare_plan(
             self,
             self._walking,
             lambda state: self._control.plan(state.schedule),
         )
-        ports.declare_output(self, "momentum_rate", self._calc_rate)
+        declare_output(self, "momentum_rate", self._calc_rate)
 
-    def _calc_rate(self, context) -> Array:
+    def _calc_rate(self, context: Context) -> Array:
         com = self._com(context)
-        state, plan = self._walking(context), self._height.Eval(context)
-        wanted, sink = plan[1].at(state.time_in_phase), 0.0
-        z, vz, ecmp = float(com.z), float(com.vz), self._ecmp(context).ecmp
+        state = self._walking(context)
+        ecmp = self._ecmp(context).ecmp
+        # The planned height and its rate, which the stance leg may limit.
+        desired = self._height.Eval(context)[1].at(state.time_in_phase)
         place, velocity = com.position[:2], com.velocity[:2]
+        z, vz = float(com.z), float(com.vz)
+        sinking = 0.0
         if state.schedule.phase is Phase.SWING:
-            most = self._control.stance_limit(place, velocity, state.schedule)
-            wanted = min(wanted, most)
-            icp = lipm.icp(place, velocity, self._model.omega)
+            limit = self._control.stance_limit(place, velocity, state.schedule)
+            desired = min(desired, limit)
             sole = state.schedule.feet[state.schedule.support_side].p_WF
-            sink = self._control.sinking(place, icp, ecmp, z - float(sole[2]))
-        az = self._control.acceleration(z, vz, *wanted, sink)
-        return momentum_rate(place, ecmp, az, self._model)
+            sinking = self._control.sinking(
+                place,
+                icp=icp(place, velocity, self._model.omega),
+                ecmp=ecmp,
+                above=z - float(sole[2]),
+            )
+        az = self._control.acceleration(
+            z, vz, desired=desired[0], rate=desired[1], sinking=sinking
+        )
+        return momentum_rate(
+            place, ecmp, vertical_acceleration=az, model=self._model
+        )

@@ -1,19 +1,25 @@
 """Between plant and controller: drives, foot forces, errors of the state."""
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
-from pydrake.systems.framework import EventStatus, LeafSystem, System
+from pydrake.multibody.plant import ContactModel, MultibodyPlant
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    LeafSystem,
+    System,
+)
 
 from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side, whole_ticks
-from nadia_balance.parameters.bounds import bounded
+from nadia_balance.parameters.bounds import bounded, parameters
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import Input
+from nadia_balance.systems.ports import Input, input_port
 
 
 class JointDrives(LeafSystem):
@@ -24,6 +30,13 @@ class JointDrives(LeafSystem):
     [q, v] of the plant.  The discrete state is `torques`, 0 at the start; it is
     updated in every step of the plant, so that a command acts one step late.
 
+    Args:
+        plant: plant that has no robot but this one.
+        robot: robot with the drives.
+
+    Raises:
+        ValueError: the robot's fidelity is ideal: it has no drives.
+
     .. pydrake_system::
 
         name: JointDrives
@@ -31,37 +44,33 @@ class JointDrives(LeafSystem):
         output_ports: [torques]
     """
 
-    def __init__(self, plant: MultibodyPlant, robot: RobotModel):
-        """Models the drives of `robot`, the only one in `plant`.
-
-        Raises ValueError: the robot's fidelity is ideal: it has no drives.
-        """
+    def __init__(self, plant: MultibodyPlant, robot: RobotModel) -> None:
         super().__init__()
         if robot.drives is None:
             raise ValueError("fidelity = 'ideal': must be realistic")
         velocities = actuated_velocities(plant)
         self._speeds = plant.num_positions() + velocities
-        most = (
-            plant.GetEffortUpperLimits(),
-            robot.max_joint_speeds[velocities - 6],
-        )
-        self._limits = *most, robot.drives.corner_speed
+        self._max_torques: Any = plant.GetEffortUpperLimits()
+        self._max_speeds = robot.max_joint_speeds[velocities - 6]
+        self._corner_speed = robot.drives.corner_speed
         step = plant.time_step()
         self._share = lag_share(robot.drives.bandwidth, step)
-        self._actuation = Input(self, "actuation", velocities.size)
-        self._plant_state = Input(self, "state", plant.num_multibody_states())
-        state = self.DeclareDiscreteState(velocities.size)
-        self.DeclareStateOutputPort("torques", state)
+        self._actuation = input_port(self, "actuation", velocities.size)
+        self._state = input_port(self, "state", plant.num_multibody_states())
+        torques = self.DeclareDiscreteState(velocities.size)
+        self.DeclareStateOutputPort("torques", torques)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
-    def _follow(self, context, new):
-        torques = context.get_discrete_state_vector().value()
-        missing = self._actuation(context) - torques
-        speeds = self._plant_state(context)[self._speeds]
-        least, most = torque_limits(speeds, *self._limits)
-        torques = torques + self._share * missing
-        new.set_value(np.minimum(np.maximum(torques, least), most))
-        return EventStatus.Succeeded()
+    def _follow(self, context: Context, new: DiscreteValues) -> None:
+        torques: Any = context.get_discrete_state_vector().value()
+        lower, upper = torque_limits(
+            self._state(context)[self._speeds],
+            max_torque=self._max_torques,
+            max_speed=self._max_speeds,
+            corner_speed=self._corner_speed,
+        )
+        torques = torques + self._share * (self._actuation(context) - torques)
+        new.set_value(np.minimum(np.maximum(torques, lower), upper))
 
 
 class FootForceSensor(LeafSystem):
@@ -71,6 +80,18 @@ class FootForceSensor(LeafSystem):
     without contacts among the robot's own bodies.  After a hard touchdown a
     foot bounces within one step of the plant, so every step is measured.  The
     discrete state is the output, and the forces in each step, the latest first.
+
+    Args:
+        plant: plant with the robot.
+        robot: robot whose feet are measured.
+        period: control period [s].
+        engine: system that computes the contacts, by default the plant.
+        sensors: noise of the sensors, by default none.
+        seed: of the noise, which depends on it and the time only.
+
+    Raises:
+        ValueError: the period is not a multiple of the plant's time step,
+            or not all contacts are points.
 
     .. pydrake_system::
 
@@ -87,15 +108,7 @@ class FootForceSensor(LeafSystem):
         engine: System | None = None,
         sensors: SensorParams | None = None,
         seed: int = 0,
-    ):
-        """Measures the feet of `robot` in `plant`, over a `period` [s].
-
-        `engine` is the system that computes the contacts, by default `plant`;
-        `sensors` have noise, which depends on `seed` and time only.
-
-        Raises ValueError: the period is not a multiple of the plant's time
-        step, or not all contacts are points.
-        """
+    ) -> None:
         super().__init__()
         step = plant.time_step()
         self._steps = round(period / step) if step > 0.0 else 0
@@ -104,89 +117,130 @@ class FootForceSensor(LeafSystem):
                 f"period = {period}: must be a multiple of the plant's "
                 f"time_step = {step} s"
             )
-        engine, point = engine or plant, ContactModel.kPoint
-        if engine is plant and plant.get_contact_model() != point:
+        engine = engine or plant
+        if engine is plant and plant.get_contact_model() != ContactModel.kPoint:
             raise ValueError("contact_model of the plant: must be point")
-        feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
-        own = set(map(int, plant.GetBodyIndices(feet[0].model_instance())))
-        # For bodies (A, B) in contact: the foot among them, and the sign of
-        # the force on it; contact results list the force on B.
-        self._foot_of = {}
-        for i, foot in enumerate(feet):
-            for other in set(range(plant.num_bodies())) - own:
-                self._foot_of[other, int(foot.index())] = i, 1.0
-                self._foot_of[int(foot.index()), other] = i, -1.0
-        found = engine.GetOutputPort("contact_results").Allocate()
-        self._found = self.DeclareAbstractInputPort("contact_results", found)
-        self._mean = self.DeclareDiscreteState(2)
-        self._samples = self.DeclareDiscreteState(2 * self._steps)
-        self._step, self._seed, self._noise = step, seed, None
+        self._foot_of = _feet_by_contact(plant, robot)
+        self._contacts = self.DeclareAbstractInputPort(
+            "contact_results",
+            engine.GetOutputPort("contact_results").Allocate(),
+        )
+        self._mean: Any = self.DeclareDiscreteState(2)
+        self._samples: Any = self.DeclareDiscreteState(2 * self._steps)
+        self._step, self._seed = step, seed
+        self._noise = None
         if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
             random = np.random.default_rng((seed, 0, 3)).standard_normal(2)
-            bias = sensors.load_bias * robot.mass * GRAVITY * random
-            self._noise = sensors.load_noise, bias
+            self._noise = sensors.load_noise
+            self._bias = sensors.load_bias * robot.mass * GRAVITY * random
         # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", self._mean)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
-    def _measure(self, context, state):
-        left, right = self._forces(self._found.Eval(context))
+    def _measure(self, context: Context, new: Any) -> None:
+        left, right = self._forces(self._contacts.Eval(context))
         last = context.get_discrete_state(self._samples).value()[:-2]
         samples = np.array((max(left, 0.0), max(right, 0.0), *last.tolist()))
-        state.set_value(self._samples, samples)
+        new.set_value(self._samples, samples)
         mean = self._average @ samples
         if self._noise is not None:
-            share, bias = self._noise
-            step = round(context.get_time() / self._step)
-            random = np.random.default_rng((self._seed, 1 + step, 3))
-            noise = share * random.standard_normal(2)
-            mean = np.maximum(mean * (1.0 + noise) + bias, 0.0)
-        state.set_value(self._mean, mean)
-        return EventStatus.Succeeded()
+            seed = self._seed, 1 + round(context.get_time() / self._step), 3
+            noise = np.random.default_rng(seed).standard_normal(2)
+            noise *= self._noise
+            mean = np.maximum(mean * (1.0 + noise) + self._bias, 0.0)
+        new.set_value(self._mean, mean)
 
-    def _forces(self, results: ContactResults) -> list[float]:
+    def _forces(self, results: Any) -> list[float]:
         """The vertical forces [N] on left and right foot in this step."""
-        forces, foot_of = [0.0, 0.0], self._foot_of
-        info = results.point_pair_contact_info
+        forces = [0.0, 0.0]
         for i in range(results.num_point_pair_contacts()):
-            pair = info(i)
+            pair = results.point_pair_contact_info(i)
             bodies = int(pair.bodyA_index()), int(pair.bodyB_index())
-            if found := foot_of.get(bodies):
-                foot, sign = found
+            if bodies in self._foot_of:
+                foot, sign = self._foot_of[bodies]
                 forces[foot] += sign * float(pair.contact_force()[2])
         return forces
+
+
+def _feet_by_contact(
+    plant: MultibodyPlant, robot: RobotModel
+) -> dict[tuple[int, int], tuple[int, float]]:
+    """The foot among bodies (A, B) in contact, and the sign of its force.
+
+    Contact results list the force on B.  Bodies of the robot alone are missing.
+    """
+    feet = [plant.GetBodyByName(robot.foot_bodies[side]) for side in Side]
+    links = set(map(int, plant.GetBodyIndices(feet[0].model_instance())))
+    foot_of = {}
+    for i, foot in enumerate(feet):
+        for other in set(range(plant.num_bodies())) - links:
+            foot_of[other, int(foot.index())] = i, 1.0
+            foot_of[int(foot.index()), other] = i, -1.0
+    return foot_of
 
 
 _FEET = 2
 _PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
 
 
-@dataclass(kw_only=True)
+@parameters
 class Imperfections:
     """Deviations of measurements, ground and model; none by default.
 
     Noise is white, Gaussian, of these standard deviations, new in each tick.
     """
 
-    joint_noise: float = bounded(0.0, least=0.0, most=0.1, unit="rad")
-    joint_speed_noise: float = bounded(0.0, least=0.0, most=10.0, unit="rad/s")
-    # Noise of the position, and of linear and angular velocity.
-    pelvis_noise: float = bounded(0.0, least=0.0, most=0.1, unit="m")
-    pelvis_speed_noise: float = bounded(0.0, least=0.0, most=1.0, unit="m/s")
-    # Delay from measurement to controller, a multiple of its period; the
-    # controller knows it, as from time stamps.
-    delay: float = bounded(0.0, least=0.0, most=0.1, unit="s")
-    # Ratio of all friction coefficients to those of the models.
-    friction_ratio: float = bounded(1.0, above=0.0, most=2.0)
-    # Ratio of the torso's mass and inertia to those of the controller's model.
-    torso_mass_ratio: float = bounded(1.0, above=0.1, most=3.0)
+    joint_noise: float = bounded(
+        0.0, least=0.0, most=0.1, unit="rad", doc="noise of the joint angles"
+    )
+    joint_speed_noise: float = bounded(
+        0.0, least=0.0, most=10.0, unit="rad/s", doc="noise of the joint speeds"
+    )
+    pelvis_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=0.1,
+        unit="m",
+        doc="noise of the position of the pelvis",
+    )
+    pelvis_speed_noise: float = bounded(
+        0.0,
+        least=0.0,
+        most=1.0,
+        unit="m/s",
+        doc="noise of its linear velocity and, in rad/s, of its angular one",
+    )
+    delay: float = bounded(
+        0.0,
+        least=0.0,
+        most=0.1,
+        unit="s",
+        doc="from measurement to controller, which knows it, as from time "
+        "stamps; a multiple of its period",
+    )
+    friction_ratio: float = bounded(
+        1.0,
+        above=0.0,
+        most=2.0,
+        doc="all friction coefficients over those of the models",
+    )
+    torso_mass_ratio: float = bounded(
+        1.0,
+        above=0.1,
+        most=3.0,
+        doc="the torso's mass and inertia over those of the controller's model",
+    )
 
     @property
     def has_noise(self) -> bool:
         """True if measurements have noise."""
-        noise = self.joint_noise, self.joint_speed_noise, self.pelvis_noise
-        return max(*noise, self.pelvis_speed_noise) > 0.0
+        return (
+            self.joint_noise > 0.0
+            or self.joint_speed_noise > 0.0
+            or self.pelvis_noise > 0.0
+            or self.pelvis_speed_noise > 0.0
+        )
 
 
 class StateSensor(LeafSystem):
@@ -198,6 +252,15 @@ class StateSensor(LeafSystem):
     noise.  The discrete state is the buffer of delayed samples, the latest
     first, NaN before the start, where the first sample stands for those before
     it.  The noise of a tick depends on the seed and the tick's number only.
+
+    Args:
+        plant: plant that holds the robot alone.
+        imperfections: delay and noise of the measurements.
+        period: control period [s].
+        seed: of the noise.
+
+    Raises:
+        ValueError: the delay is not a multiple of the period.
 
     .. pydrake_system::
 
@@ -212,54 +275,58 @@ class StateSensor(LeafSystem):
         imperfections: Imperfections,
         period: float,
         seed: int = 0,
-    ):
-        """Samples a `plant` that holds the robot alone every `period` [s].
-
-        Raises ValueError: the delay is not a multiple of the period.
-        """
+    ) -> None:
         super().__init__()
-        self._ticks = whole_ticks("delay", imperfections.delay, period)
+        ticks = whole_ticks("delay", imperfections.delay, period)
         self._period, self._seed = period, seed
-        nq, size = plant.num_positions(), plant.num_multibody_states()
-        self._size, self._deviations = size, np.zeros(size)
+        nq = plant.num_positions()
+        self._size = size = plant.num_multibody_states()
+        self._deviations = np.zeros(size)
         self._deviations[7:nq] = imperfections.joint_noise
         self._deviations[_PELVIS] = imperfections.pelvis_noise
         self._deviations[nq : nq + 6] = imperfections.pelvis_speed_noise
         self._deviations[nq + 6 :] = imperfections.joint_speed_noise
-        self._now = Input(self, "state", size)
-        self._forces = Input(self, "foot_forces", _FEET)
-        past = np.full(self._ticks * (size + _FEET), np.nan)
-        self._past = self.DeclareDiscreteState(past)
-        depends = {self.all_state_ticket(), self.time_ticket()}
-        for name, length, calc, port in (
-            ("measured_state", size, self._calc_state, self._now),
-            ("measured_foot_forces", _FEET, self._calc_forces, self._forces),
-        ):
-            needs = depends | {port.ticket()}
-            self.DeclareVectorOutputPort(name, length, calc, needs)
+        self._state = input_port(self, "state", size)
+        self._forces = input_port(self, "foot_forces", _FEET)
+        past: Any = np.full(ticks * (size + _FEET), np.nan)
+        self._past: Any = self.DeclareDiscreteState(past)
+        tickets = {self.all_state_ticket(), self.time_ticket()}
+        self.DeclareVectorOutputPort(
+            "measured_state",
+            size,
+            self._calc_state,
+            {*tickets, self._state.ticket()},
+        )
+        self.DeclareVectorOutputPort(
+            "measured_foot_forces",
+            _FEET,
+            self._calc_forces,
+            {*tickets, self._forces.ticket()},
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._shift)
 
-    def _shift(self, context, new):
+    def _shift(self, context: Context, new: Any) -> None:
         past = context.get_discrete_state(self._past).value()
-        sample = self._now(context), self._forces(context)
-        latest = np.concatenate((*sample, past))
+        latest = np.concatenate(
+            (self._state(context), self._forces(context), past)
+        )
         new.get_mutable_vector(self._past).SetFromVector(latest[: past.size])
-        return EventStatus.Succeeded()
 
-    def _calc_state(self, context, output):
-        tick, size = round(context.get_time() / self._period), self._size
-        random = np.random.default_rng((self._seed, tick))
-        noise = self._deviations * random.standard_normal(size)
-        state = self._oldest(context, self._now, slice(0, size))
-        output.SetFromVector(state + noise)
+    def _calc_state(self, context: Context, output: BasicVector) -> None:
+        seed = self._seed, round(context.get_time() / self._period)
+        random = np.random.default_rng(seed).standard_normal(self._size)
+        state = self._oldest(context, self._state, slice(0, self._size))
+        output.SetFromVector(state + self._deviations * random)
 
-    def _calc_forces(self, context, output):
-        oldest = self._oldest(context, self._forces, slice(self._size, None))
-        output.SetFromVector(oldest)
+    def _calc_forces(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(
+            self._oldest(context, self._forces, slice(self._size, None))
+        )
 
-    def _oldest(self, context, port: Input, part: slice) -> np.ndarray:
+    def _oldest(self, context: Context, port: Input, part: slice) -> Any:
         """The `part` of the oldest sample; the value of the `port` if none."""
-        now, past = port(context), context.get_discrete_state(self._past)
-        samples = past.value().reshape(-1, self._size + _FEET)[:, part]
-        known = samples[~np.isnan(samples[:, 0])]
-        return known[-1] if len(known) else now
+        now = port(context)
+        past: Any = context.get_discrete_state(self._past).value()
+        samples = past.reshape(-1, self._size + _FEET)[:, part]
+        recorded = samples[~np.isnan(samples[:, 0])]
+        return recorded[-1] if len(recorded) else now

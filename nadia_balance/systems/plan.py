@@ -5,15 +5,20 @@ import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem, State
 
 from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.plan import atlas_icp_plan, icp_plan
-from nadia_balance.core.plan import walking_state_machine as clock
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
 from nadia_balance.core.plan.footstep_plan import (
     FootstepPlan,
     FootstepPlannerParams,
@@ -24,21 +29,37 @@ from nadia_balance.core.plan.gait import (
     remaining_footsteps,
     walking_start,
 )
-from nadia_balance.core.plan.time_adjustment import Timing, TimingAdapterParams
+from nadia_balance.core.plan.icp_plan import plan_icp, reference_of
+from nadia_balance.core.plan.time_adjustment import (
+    TimeAdjustment,
+    Timing,
+    TimingAdapterParams,
+)
+from nadia_balance.core.plan.walking_state_machine import (
+    StateMachine,
+    WalkingStateMachineParams,
+)
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
 )
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.mechanisms import USUAL
+from nadia_balance.core.walking.state import (
+    FootPose,
+    Footstep,
+    Mode,
+    Phase,
+    WalkingState,
+)
 from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import (
+    TICK_TOLERANCE,
     Input,
     declare_output,
     declare_plan,
-    inputs,
+    input_port,
+    optional_input,
 )
 from nadia_balance.systems.signals import MODES, PHASES
-
-_EARLY = 1e-6  # times of ticks differ by rounding [s]
 
 
 class WalkingStateMachine(LeafSystem):
@@ -52,6 +73,12 @@ class WalkingStateMachine(LeafSystem):
     `walking_state`, and the same as numbers, `walking_signal`, are those before
     the update of a tick.
 
+    Args:
+        params: when a phase ends.
+        model: point mass of the robot.
+        period: control period [s].
+        start: walking state at the start, by default standing.
+
     .. pydrake_system::
 
         name: WalkingStateMachine
@@ -63,74 +90,85 @@ class WalkingStateMachine(LeafSystem):
 
     def __init__(
         self,
-        params: clock.WalkingStateMachineParams,
+        params: WalkingStateMachineParams,
         model: PointMassModel,
         period: float,
-        start: walking.WalkingState | None = None,
-    ):
-        """Begins with `start`, by default standing, ticks every `period`."""
+        start: WalkingState | None = None,
+    ) -> None:
         super().__init__()
         check(params)
-        start = start or walking_start(Gait(), model)
-        self._machine = clock.StateMachine(params, model, period)
+        self._machine = StateMachine(params, model, period)
         self._weight = model.mass * GRAVITY
-        names = "foot_poses foot_forces icp icp_plan time_adjustment"
-        optional = "adjustment? footsteps? revised_footsteps?"
-        *self._inputs, self._footsteps, self._revised = inputs(
-            self, names, optional
+        self._feet = input_port(self, "foot_poses")
+        self._forces = input_port(self, "foot_forces")
+        self._icp = input_port(self, "icp")
+        self._plan = input_port(self, "icp_plan")
+        self._time = optional_input(self, "time_adjustment", default=(0.0, 0.0))
+        self._adjustment = optional_input(self, "adjustment")
+        self._footsteps = optional_input(self, "footsteps")
+        self._revised = optional_input(self, "revised_footsteps")
+        self._state: Any = self.DeclareAbstractState(
+            Value(start or walking_start(Gait(), model))
         )
-        self._state = self.DeclareAbstractState(Value(start))
         # The outputs depend on the state only: this breaks every loop.
         state_only = [self.abstract_state_ticket(self._state)]
-        declare_output(self, "walking_state", self._walking_state, state_only)
-        declare_output(self, "walking_signal", self._calc_signal, state_only)
+        declare_output(
+            self, "walking_state", self._walking_state, needs=state_only
+        )
+        declare_output(
+            self, "walking_signal", self._calc_signal, needs=state_only
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
 
-    def _walking_state(self, context) -> walking.WalkingState:
+    def _walking_state(self, context: Context) -> Any:
         return context.get_abstract_state(self._state).get_value()
 
-    def _calc_signal(self, context) -> list[float]:
+    def _calc_signal(self, context: Context) -> list[float]:
         return walking_signal(self._walking_state(context))
 
-    def _advance(self, context, state):
-        feet, forces, icp, plan, time, adjustment = (
-            get(context) for get in self._inputs
-        )
-        now = self._machine.advance(
+    def _advance(self, context: Context, state: Any) -> None:
+        walking_state = self._machine.advance(
             self._walking_state(context),
-            plan,
-            feet,
-            forces / self._weight,
-            icp,
-            time_gain=float(time[0]),
-            adjustment=adjustment,
+            feet=self._feet(context),
+            forces=self._forces(context) / self._weight,
+            icp=self._icp(context),
+            plan=self._plan(context),
+            time_gain=float(self._time(context)[0]),
+            adjustment=self._adjustment(context),
             footsteps=functools.partial(
                 self._next_footsteps, self._footsteps, context
             ),
             revised=self._next_footsteps(self._revised, context),
         )
-        state.get_mutable_abstract_state(self._state).set_value(now)
-        return EventStatus.Succeeded()
+        state.get_mutable_abstract_state(self._state).set_value(walking_state)
 
     def _next_footsteps(
-        self, port: Input, context
-    ) -> tuple[walking.Footstep, ...] | None:
-        """Returns the footsteps of the `port`, whose feet take turns."""
-        steps = port(context)
-        for step in steps or ():
-            if not isinstance(step, walking.Footstep):
-                what = f"has a {type(step).__name__}, needs Footsteps"
-                raise port.error(context, what)
-        sides = [step.side for step in steps or ()]
-        if any(one is other for one, other in itertools.pairwise(sides)):
-            named = ", ".join(side.value for side in sides)
-            what = f"has feet {named}: they must take turns"
-            raise port.error(context, what)
+        self, port: Input, context: Context
+    ) -> tuple[Footstep, ...] | None:
+        """The footsteps at the `port`, whose feet take turns."""
+        steps: tuple[Footstep, ...] | None = port(context)
+        if not steps:
+            return steps
+        for step in steps:
+            if not isinstance(step, Footstep):
+                raise port.error(
+                    context, f"has a {type(step).__name__}, needs Footsteps"
+                )
+        if any(one.side is two.side for one, two in itertools.pairwise(steps)):
+            sides = ", ".join(step.side.value for step in steps)
+            raise port.error(context, f"has feet {sides}: they must take turns")
         return steps
 
 
-def walking_signal(state: walking.WalkingState) -> list[float]:
-    """The walking state as the numbers of a WalkingSignal."""
+def walking_signal(state: WalkingState) -> list[float]:
+    """The walking state as numbers.
+
+    Args:
+        state: the walking state.
+
+    Returns:
+        The entries of a WalkingSignal.
+    """
     schedule = state.schedule
     target = [math.nan, math.nan, math.nan, 0.0]
     if schedule.footsteps:
@@ -150,7 +188,7 @@ def walking_signal(state: walking.WalkingState) -> list[float]:
     ]
 
 
-def _planar(pose: walking.FootPose) -> tuple[float, float, float]:
+def _planar(pose: FootPose) -> tuple[float, float, float]:
     x, y, _ = pose.p_WF.tolist()
     return x, y, pose.yaw
 
@@ -163,6 +201,16 @@ class FootstepPlanner(LeafSystem):
     follow a command that has changed, and are None otherwise.  The state is the
     velocity of the walk (3,), which follows the `velocity_command`, clipped to
     the robot's `limits` (see velocity_limits).
+
+    Args:
+        params: rules of the planner.
+        model: point mass of the robot.
+        period: control period [s].
+        adjuster: parameters of the block that adjusts the footholds.
+        timing: parameters of the block that adjusts the timing.
+
+    Raises:
+        ValueError: a parameter is out of range.
 
     .. pydrake_system::
 
@@ -179,77 +227,80 @@ class FootstepPlanner(LeafSystem):
         period: float,
         adjuster: CaptureRegionStepAdjusterParams | None = None,
         timing: TimingAdapterParams | None = None,
-    ):
-        """Plans for `model`, whose steps these blocks adjust, in `period`.
-
-        Raises ValueError: a parameter is out of range.
-        """
+    ) -> None:
         super().__init__()
         adjuster = adjuster or CaptureRegionStepAdjusterParams()
         timing = timing or TimingAdapterParams()
-        for checked in params, adjuster, timing:
+        for checked in (params, adjuster, timing):
             check(checked)
         self._planner = FootstepPlan(
-            params, model, adjuster, timing.min_swing_duration
+            params,
+            model,
+            adjuster=adjuster,
+            min_swing_duration=timing.min_swing_duration,
         )
         self.limits = velocity_limits(params, model)
-        rates = [params.acceleration, params.acceleration]
-        self._change = period * np.array([*rates, params.yaw_acceleration])
-        names = "walking_state velocity_command alip_icp icp_plan foot_poses"
-        ports = inputs(self, names, "mechanisms")
-        self._walking, self._command, self._icp, *others = ports
-        self._plan, self._feet, self._on = others
-        self._memory = self.DeclareDiscreteState(3)
-        needs = [*ports, self.discrete_state_ticket(self._memory)]
-        declare_output(self, "footsteps", self._calc_footsteps, needs)
-        declare_output(self, "revised_footsteps", self._calc_revised, needs)
+        self._change = period * np.array(
+            [params.acceleration, params.acceleration, params.yaw_acceleration]
+        )
+        self._walking = input_port(self, "walking_state")
+        self._command = optional_input(
+            self, "velocity_command", default=np.zeros(3)
+        )
+        self._icp = input_port(self, "alip_icp")
+        self._plan = input_port(self, "icp_plan")
+        self._feet = input_port(self, "foot_poses")
+        self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
+        self._memory: Any = self.DeclareDiscreteState(3)
+        needs = [
+            self.all_input_ports_ticket(),
+            self.discrete_state_ticket(self._memory),
+        ]
+        declare_output(self, "footsteps", self._calc_footsteps, needs=needs)
+        declare_output(
+            self, "revised_footsteps", self._calc_revised, needs=needs
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
-    def _velocity(self, context) -> np.ndarray:
+    def _velocity(self, context: Context) -> Any:
         return context.get_discrete_state(self._memory).value().copy()
 
-    def _limited(self, context) -> np.ndarray:
+    def _limited(self, context: Context) -> Array:
         """The velocity commanded (3,), within the limits."""
-        command = self._command(context)
+        command: Array = self._command(context)
         if not command.any():
             return command
-        least, most = self.limits
-        return np.clip(command, least, most)
+        return np.clip(command, self.limits[0], self.limits[1])
 
-    def _update(self, context, state):
-        velocity, command = self._velocity(context), self._limited(context)
+    def _update(self, context: Context, state: State) -> None:
+        velocity = self._velocity(context)
+        command = self._limited(context)
         if not (command.any() or velocity.any()):
-            return EventStatus.DidNothing()
-        if self._walking(context).mode is walking.Mode.RECOVERING:
+            return
+        if self._walking(context).mode is Mode.RECOVERING:
             command = np.zeros(3)  # the walk begins anew when it is calm
         velocity += np.clip(command - velocity, -self._change, self._change)
         state.get_mutable_discrete_state(self._memory).set_value(velocity)
-        return EventStatus.Succeeded()
 
-    def _calc_footsteps(self, context) -> tuple[walking.Footstep, ...]:
+    def _calc_footsteps(self, context: Context) -> tuple[Footstep, ...]:
         state = self._walking(context)
-        reference = icp_plan.reference_of(self._plan(context), state)
         return self._planner.footsteps(
             state,
-            self._velocity(context),
-            self._limited(context),
+            velocity=self._velocity(context),
+            command=self._limited(context),
             icp=self._icp(context),
-            reference=reference.icp,
+            reference=reference_of(self._plan(context), state).icp,
             feet=self._feet(context),
-            on=self._on(context),
+            on=self._mechanisms(context),
         )
 
-    def _calc_revised(self, context) -> tuple[walking.Footstep, ...] | None:
-        velocity, command = self._velocity(context), self._limited(context)
+    def _calc_revised(self, context: Context) -> tuple[Footstep, ...] | None:
+        """The footsteps that have not landed; None: as they are."""
+        velocity = self._velocity(context)
+        command = self._limited(context)
         if (velocity == command).all():
             return None
-        return self._revised(self._walking(context), velocity, command)
-
-    def _revised(
-        self, state: walking.WalkingState, velocity, command
-    ) -> tuple[walking.Footstep, ...] | None:
-        """Returns the footsteps that have not landed; None: as they are."""
-        return self._planner.revised(state, velocity, command)
+        return self._planner.revised(self._walking(context), velocity, command)
 
 
 class FixedFootsteps(FootstepPlanner):
@@ -258,6 +309,14 @@ class FixedFootsteps(FootstepPlanner):
     The number of steps taken says where in the list it is; the next ones are
     within reach of where the feet are.  `velocity_command` counts once the
     robot stands after them.
+
+    Args:
+        params: rules of the planner, for the time after the list.
+        model: point mass of the robot.
+        period: control period [s].
+        footsteps: the list (see make_footsteps).
+        adjuster: as for a FootstepPlanner.
+        timing: as for a FootstepPlanner.
 
     .. pydrake_system::
 
@@ -272,41 +331,46 @@ class FixedFootsteps(FootstepPlanner):
         params: FootstepPlannerParams,
         model: PointMassModel,
         period: float,
-        footsteps: tuple[walking.Footstep, ...] = (),
+        footsteps: tuple[Footstep, ...] = (),
         adjuster: CaptureRegionStepAdjusterParams | None = None,
         timing: TimingAdapterParams | None = None,
-    ):
-        """Plans `footsteps` (see make_footsteps), as a FootstepPlanner."""
-        super().__init__(params, model, period, adjuster, timing)
+    ) -> None:
+        super().__init__(
+            params, model, period, adjuster=adjuster, timing=timing
+        )
         self._fixed = tuple(footsteps)
         self._model, self._period = model, period
 
-    def _is_over(self, context) -> bool:
-        """True if no step of the list is left after the present phase."""
+    def _calc_footsteps(self, context: Context) -> tuple[Footstep, ...]:
         state = self._walking(context)
-        swings = state.schedule.phase is walking.Phase.SWING
-        return state.steps_taken + swings >= len(self._fixed)
-
-    def _calc_footsteps(self, context) -> tuple[walking.Footstep, ...]:
-        if self._is_over(context):
+        swings = state.schedule.phase is Phase.SWING
+        if state.steps_taken + swings >= len(self._fixed):
             return super()._calc_footsteps(context)
-        state, feet = self._walking(context), self._feet(context)
-        known = self._model, self._period
-        return remaining_footsteps(self._fixed, state, feet, *known)
+        return remaining_footsteps(
+            self._fixed,
+            state,
+            feet=self._feet(context),
+            model=self._model,
+            period=self._period,
+        )
 
-    def _revised(
-        self, state: walking.WalkingState, velocity, command
-    ) -> tuple[walking.Footstep, ...] | None:
-        if state.steps_taken < len(self._fixed):
+    def _calc_revised(self, context: Context) -> tuple[Footstep, ...] | None:
+        if self._walking(context).steps_taken < len(self._fixed):
             return None
-        return super()._revised(state, velocity, command)
+        return super()._calc_revised(context)
 
 
 class VelocityCommands(LeafSystem):
     """Tells the velocity command of a list of rows, each from its time on.
 
-    The rows are (time [s], forward, left [m/s], turn [rad/s]), in order of
-    time; before the first one the command is to stand.
+    Before the time of the first row the command is to stand.
+
+    Args:
+        rows: (time [s], forward, left [m/s], turn [rad/s]), in order of
+            time.
+
+    Raises:
+        ValueError: a row of another length, or times that fall.
 
     .. pydrake_system::
 
@@ -315,22 +379,23 @@ class VelocityCommands(LeafSystem):
         output_ports: [velocity_command]
     """
 
-    def __init__(self, rows: Iterable[Sequence[float]]):
-        """Raises ValueError: a row of another length, or times that fall."""
+    def __init__(self, rows: Iterable[Sequence[float]]) -> None:
         super().__init__()
         rows = [tuple(map(float, row)) for row in rows]
         for i, row in enumerate(rows):
-            what = f"rows[{i}] = {row}: must"
             if len(row) != 4 or not np.isfinite(row).all():
-                raise ValueError(f"{what} be 4 finite numbers")
+                raise ValueError(f"rows[{i}] = {row}: must be 4 finite numbers")
             if row[0] < 0.0 or i and row[0] <= rows[i - 1][0]:
-                raise ValueError(f"{what} be later than the one before")
-        self._times = [row[0] - _EARLY for row in rows]
+                raise ValueError(
+                    f"rows[{i}] = {row}: must be later than the one before"
+                )
+        self._times = [row[0] - TICK_TOLERANCE for row in rows]
         self._values = [np.zeros(3), *(np.array(row[1:]) for row in rows)]
-        time = [self.time_ticket()]
-        declare_output(self, "velocity_command", self._calc, time)
+        declare_output(
+            self, "velocity_command", self._calc, needs=[self.time_ticket()]
+        )
 
-    def _calc(self, context) -> np.ndarray:
+    def _calc(self, context: Context) -> Array:
         return self._values[bisect_right(self._times, context.get_time())]
 
 
@@ -341,6 +406,13 @@ class IcpPlanner(LeafSystem):
     the Atlas paper (Sec. II-A), an AtlasIcpPlan.  `icp_reference` exists only
     if it `has_reference`.
 
+    Args:
+        params: where the CoP is planned; their class says which plan.
+        model: point mass of the robot.
+        period: not used, as the plan is one of continuous time: every
+            block is made by Block(params, model, period).
+        has_reference: whether there is an `icp_reference`.
+
     .. pydrake_system::
 
         name: IcpPlanner
@@ -350,30 +422,36 @@ class IcpPlanner(LeafSystem):
 
     def __init__(
         self,
-        params: icp_plan.IcpPlanParams | atlas_icp_plan.AtlasIcpPlanParams,
+        params: IcpPlanParams | AtlasIcpPlanParams,
         model: PointMassModel,
         period: float,
         has_reference: bool = True,
-    ):
+    ) -> None:
         super().__init__()
         check(params)
-        (self._walking,) = inputs(self, "walking_state")
-        atlas = isinstance(params, atlas_icp_plan.AtlasIcpPlanParams)
-        plan = atlas_icp_plan.plan_atlas_icp if atlas else icp_plan.plan_icp
-        self._planned = declare_plan(
-            self, self._walking, lambda now: plan(now.schedule, params, model)
+        self._walking = input_port(self, "walking_state")
+        plan: Any = (
+            plan_atlas_icp
+            if isinstance(params, AtlasIcpPlanParams)
+            else plan_icp
         )
-        declare_output(self, "icp_plan", self._plan, [self._planned])
+        self._planned: Any = declare_plan(
+            self,
+            self._walking,
+            lambda state: plan(state.schedule, params, model),
+        )
+        needs = [self._planned]
+        declare_output(self, "icp_plan", self._plan, needs=needs)
         if has_reference:
             declare_output(
-                self, "icp_reference", self._calc_reference, [self._planned]
+                self, "icp_reference", self._calc_reference, needs=needs
             )
 
-    def _plan(self, context) -> icp_plan.IcpPlan:
+    def _plan(self, context: Context) -> Any:
         return self._planned.Eval(context)[1]
 
-    def _calc_reference(self, context) -> np.ndarray:
-        now = icp_plan.reference_of(self._plan(context), self._walking(context))
+    def _calc_reference(self, context: Context) -> Array:
+        now = reference_of(self._plan(context), self._walking(context))
         return np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
 
 
@@ -384,6 +462,11 @@ class TimingAdapter(LeafSystem):
     control period, and the present estimate of the total over this and the next
     ticks; the clock is held while it is negative.
 
+    Args:
+        params: limits of the adjustment.
+        model: point mass of the robot.
+        period: control period [s].
+
     .. pydrake_system::
 
         name: TimingAdapter
@@ -393,13 +476,22 @@ class TimingAdapter(LeafSystem):
 
     def __init__(
         self, params: TimingAdapterParams, model: PointMassModel, period: float
-    ):
+    ) -> None:
         super().__init__()
         check(params)
         self._timing = Timing(params, model, period)
-        names = "walking_state icp_plan icp foot_poses mechanisms"
-        self._inputs = inputs(self, names)
+        self._walking = input_port(self, "walking_state")
+        self._plan = input_port(self, "icp_plan")
+        self._icp = input_port(self, "icp")
+        self._feet = input_port(self, "foot_poses")
+        self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
         declare_output(self, "time_adjustment", self._calc)
 
-    def _calc(self, context) -> tuple[float, float]:
-        return self._timing.adjustment(*(get(context) for get in self._inputs))
+    def _calc(self, context: Context) -> TimeAdjustment:
+        return self._timing.adjustment(
+            self._walking(context),
+            plan=self._plan(context),
+            icp=self._icp(context),
+            feet=self._feet(context),
+            on=self._mechanisms(context),
+        )

@@ -16,15 +16,24 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems import framework
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import (
+    CacheEntry,
+    Context,
+    DependencyTicket,
+    LeafSystem,
+    State,
+    System,
+    ValueProducer,
+)
 
-from nadia_balance.core.walking import state as walking
-from nadia_balance.core.walking.mechanisms import MECHANISMS, Mechanisms
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.mechanisms import Mechanisms
+from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
+TICK_TOLERANCE = 1e-6  # times of ticks differ by rounding [s]
 _REQUIRED = object()
-_EARLY = 1e-6  # times of ticks differ by rounding [s]
+_VIEWS = {"mechanisms": Mechanisms.from_vector}
 
 
 class _Nothing:
@@ -41,14 +50,7 @@ NOTHING = _Nothing()
 
 
 class Input:
-    """An input port that checks its value; a call returns the value.
-
-    `kind` is the size of a vector, the namedview that a call returns, or the
-    type of a Python value.  Not connected, the value is the `default`, if
-    given.  A call raises RuntimeError for a vector that is not finite, and
-    TypeError for a value that is neither of its kind nor the `default`: Drake
-    connects any abstract output to any abstract input.
-    """
+    """An input port that checks its value; a call returns the value."""
 
     def __init__(
         self,
@@ -56,26 +58,51 @@ class Input:
         name: str,
         kind: int | type,
         default: object = _REQUIRED,
-        view: Callable[[np.ndarray], Any] | None = None,
-    ):
-        """Declares it; a call returns the `view` of a vector, if given."""
-        self._system, self._kind, self._default = system, kind, default
-        self._view = view
+        view: Callable[[Array], Any] | None = None,
+    ) -> None:
+        """Declares the port.
+
+        Args:
+            system: block that gets the port.
+            name: name of the port.
+            kind: size of a vector, the namedview that a call returns, or the
+                type of a Python value.
+            default: value while the port is not connected; without one, it
+                must be.
+            view: what a call makes of a vector, by default nothing.
+        """
+        self._system = system
+        self._default = default
+        self._kind: Any = kind
+        self._view = view if isinstance(kind, int) else kind
+        self._checked = self._vector if is_vector(kind) else self._value
         if is_vector(kind):
-            self._checked = self._vector
             self._port = system.DeclareVectorInputPort(name, size(kind))
-            if not isinstance(kind, int):
-                self._view = kind
         else:
-            self._checked = self._value
             self._port = system.DeclareAbstractInputPort(name, Value(NOTHING))
 
-    def ticket(self) -> framework.DependencyTicket:
-        """The port's ticket, for whatever depends on the port."""
+    def ticket(self) -> DependencyTicket:
+        """The port's ticket, for whatever depends on the port.
+
+        Returns:
+            The ticket of Drake's input port.
+        """
         return self._port.ticket()
 
-    def __call__(self, context: framework.Context) -> Any:
-        """The port's value in `context`."""
+    def __call__(self, context: Context) -> Any:
+        """The port's value.
+
+        Args:
+            context: that of the block.
+
+        Returns:
+            The vector, its view, or the Python value itself.
+
+        Raises:
+            RuntimeError: a vector is not finite.
+            TypeError: a value is neither of its kind nor the default: Drake
+                connects any abstract output to any abstract input.
+        """
         # Calling HasValue first would evaluate the port twice.
         try:
             value = self._port.Eval(context)
@@ -85,62 +112,91 @@ class Input:
             return self._default
         return self._checked(value, context)
 
-    def _value(self, value: Any, _: framework.Context) -> Any:
+    def _value(self, value: Any, _: Context) -> Any:
         value = None if value is NOTHING else value
         if not isinstance(value, self._kind) and value is not self._default:
-            got, needed = type(value).__name__, self._kind.__name__
-            raise TypeError(self._message(f"got a {got}, needs a {needed}"))
+            raise TypeError(
+                self._message(
+                    f"got a {type(value).__name__}, "
+                    f"needs a {self._kind.__name__}"
+                )
+            )
         return value
 
-    def _vector(self, value: np.ndarray, context: framework.Context) -> Any:
+    def _vector(self, value: Any, context: Context) -> Any:
         # The sum of squares is finite only if all entries are; `dot` is the
         # fastest way to compute it.
         if not math.isfinite(value.dot(value)):
             raise self.error(context, "is not finite")
         return value if self._view is None else self._view(value)
 
-    def error(self, context: framework.Context, what: str) -> RuntimeError:
-        """The error that `what` is wrong with the port, and since when."""
-        at = f"at {context.get_time():.3f} s"
-        return RuntimeError(self._message(f"{what} {at}"))
+    def error(self, context: Context, fault: str) -> RuntimeError:
+        """The error that something is wrong with the port, and since when.
 
-    def _message(self, what: str) -> str:
+        Args:
+            context: that of the block, at the time of the error.
+            fault: what is wrong, such as "is not finite".
+
+        Returns:
+            The error, to be raised.
+        """
+        return RuntimeError(
+            self._message(f"{fault} at {context.get_time():.3f} s")
+        )
+
+    def _message(self, fault: str) -> str:
         name = self._system.get_name() or type(self._system).__name__
-        return f"{name}: input port '{self._port.get_name()}' {what}"
+        return f"{name}: input port '{self._port.get_name()}' {fault}"
 
 
-# What a signal is for a block that is not connected to it.
-_DEFAULTS = {
-    "mechanisms": MECHANISMS["all_with_cross_over"],
-    "time_adjustment": (0.0, 0.0),
-    "velocity_command": np.zeros(3),
-}
-_VIEWS = {"mechanisms": Mechanisms.from_vector}
 # What a value depends on; None: all inputs of its block.
-Needs = Iterable[Input | framework.CacheEntry | framework.DependencyTicket]
+Needs = Iterable[Input | CacheEntry | DependencyTicket]
 
 
-def inputs(system: LeafSystem, *names: str) -> list[Input]:
-    """Declares input ports for the SIGNALS of these names, in their order.
+def input_port(
+    system: LeafSystem, name: str, kind: int | type | None = None
+) -> Input:
+    """Declares an input port that must be connected.
 
-    A string may have several; `name?` is None while it is not connected.
+    Args:
+        system: block that gets the port.
+        name: name of the signal and of its port.
+        kind: see Input; by default that of SIGNALS.
+
+    Returns:
+        The port, which returns its value in a context: `port(context)`.
     """
-    found = []
-    for name in " ".join(names).split():
-        name, maybe, _ = name.partition("?")
-        default = None if maybe else _DEFAULTS.get(name, _REQUIRED)
-        port = Input(system, name, SIGNALS[name], default, _VIEWS.get(name))
-        found.append(port)
-    return found
+    return Input(
+        system,
+        name,
+        kind=SIGNALS[name] if kind is None else kind,
+        view=_VIEWS.get(name),
+    )
 
 
-def _tickets(
-    system: LeafSystem, needs: Needs | None
-) -> set[framework.DependencyTicket]:
+def optional_input(
+    system: LeafSystem, name: str, default: object = None
+) -> Input:
+    """Declares an input port that may stay open.
+
+    Args:
+        system: block that gets the port.
+        name: name of the signal, one of SIGNALS, and of its port.
+        default: value while the port is not connected.
+
+    Returns:
+        The port, which returns its value in a context: `port(context)`.
+    """
+    return Input(
+        system, name, kind=SIGNALS[name], default=default, view=_VIEWS.get(name)
+    )
+
+
+def _tickets(system: LeafSystem, needs: Needs | None) -> set[DependencyTicket]:
     if needs is None:
         return {system.all_input_ports_ticket()}
     return {
-        need if isinstance(need, framework.DependencyTicket) else need.ticket()
+        need if isinstance(need, DependencyTicket) else need.ticket()
         for need in needs
     }
 
@@ -148,64 +204,90 @@ def _tickets(
 def declare_output(
     system: LeafSystem,
     name: str,
-    calc: Callable[[framework.Context], Any],
+    calc: Callable[[Context], Any],
     needs: Needs | None = None,
-) -> framework.CacheEntry:
-    """Declares an output port for what `calc(context)` returns, one of SIGNALS.
+) -> CacheEntry:
+    """Declares an output port y = calc(context), one of SIGNALS.
 
-    It depends on `needs`, by default on all inputs.
+    Args:
+        system: block that gets the port.
+        name: name of the signal and of its port.
+        calc: returns the vector, or the Python value, which may be None.
+        needs: what the value depends on, by default all inputs.
+
+    Returns:
+        The cache entry of the port.
     """
-    kind, tickets = SIGNALS[name], _tickets(system, needs)
+    kind = SIGNALS[name]
+    tickets = _tickets(system, needs)
+
+    def write(context: Any, output: Any) -> None:
+        value = calc(context)
+        output.set_value(NOTHING if value is None else value)
+
     if is_vector(kind):
-        port = system.DeclareVectorOutputPort(
+        port: Any = system.DeclareVectorOutputPort(
             name,
             size(kind),
             lambda context, output: output.SetFromVector(calc(context)),
             tickets,
         )
-        return port.cache_entry()
-
-    def fill(context, output):
-        value = calc(context)
-        output.set_value(NOTHING if value is None else value)
-
-    port = system.DeclareAbstractOutputPort(
-        name, lambda: Value(NOTHING), fill, tickets
-    )
-    return port.cache_entry()
+    else:
+        port = system.DeclareAbstractOutputPort(
+            name, lambda: Value(NOTHING), write, tickets
+        )
+    entry: CacheEntry = port.cache_entry()
+    return entry
 
 
 def declare_cache(
     system: LeafSystem,
     name: str,
-    calc: Callable[[framework.Context, Any], object],
+    calc: Callable[[Context, Any], object],
     needs: Needs | None = None,
-    first: object = (),
-) -> framework.CacheEntry:
-    """Declares a cache entry whose value is `calc(context, last value)`.
+    first: object = NOTHING,
+) -> CacheEntry:
+    """Declares a cache entry z = calc(context, last z).
 
-    It depends on `needs` as declare_output does.  Reuse of the last value,
-    initially `first`, may save work, but must not change the result.
+    Reuse of the last value may save work, but must not change the result.
+
+    Args:
+        system: block that gets the entry.
+        name: name of the entry.
+        calc: returns the value; None is kept as NOTHING, which is false, too.
+        needs: what the value depends on, by default all inputs.
+        first: last value of the first calculation.
+
+    Returns:
+        The cache entry.
     """
+
+    def update(context: Any, cache: Any) -> None:
+        value = calc(context, cache.get_value())
+        cache.set_value(NOTHING if value is None else value)
+
     return system.DeclareCacheEntry(
         name,
-        framework.ValueProducer(
-            lambda: Value(first),
-            lambda context, own: own.set_value(calc(context, own.get_value())),
-        ),
+        ValueProducer(lambda: Value(first), update),
         _tickets(system, needs),
     )
 
 
-def declare_scratch(
-    system: LeafSystem, other: framework.System
-) -> framework.CacheEntry:
-    """Declares a Context of `other`, a plant or its diagram, to compute in."""
+def declare_scratch(system: LeafSystem, other: System) -> CacheEntry:
+    """Declares a Context of another system, to compute in.
+
+    Args:
+        system: block that gets it.
+        other: a plant, or the diagram that has it.
+
+    Returns:
+        The cache entry with the Context.
+    """
     return system.DeclareCacheEntry(
         "scratch",
-        framework.ValueProducer(
+        ValueProducer(
             lambda: Value(other.CreateDefaultContext()),
-            framework.ValueProducer.NoopCalc,
+            ValueProducer.NoopCalc,  # type: ignore[arg-type]
         ),
         {system.nothing_ticket()},
     )
@@ -214,91 +296,99 @@ def declare_scratch(
 def declare_plan(
     system: LeafSystem,
     walking_state: Input,
-    calc: Callable[[walking.WalkingState], object],
-) -> framework.CacheEntry:
-    """Declares a cache entry (schedule, plan), with plan = `calc(state)`.
+    calc: Callable[[WalkingState], object],
+) -> CacheEntry:
+    """Declares a cache entry (schedule, plan), with plan = calc(state).
 
     The plan is computed once for each ContactSchedule.
+
+    Args:
+        system: block that gets the entry.
+        walking_state: input port of the walking state.
+        calc: returns the plan, which depends on the state's schedule alone.
+
+    Returns:
+        The cache entry.
     """
 
-    def planned(context, last):
+    def planned(context: Context, last: Any) -> Any:
         state = walking_state(context)
         if state.schedule is last[0]:
             return last
         return state.schedule, calc(state)
 
-    return declare_cache(system, "plan", planned, [walking_state], (None, None))
+    return declare_cache(
+        system, "plan", planned, needs=[walking_state], first=(None, None)
+    )
 
 
-class Outcome:
-    """The result of one tick as one vector: the outputs and all of the state.
+def declare_outcome(
+    system: LeafSystem,
+    outputs: Mapping[str, int],
+    memory: Mapping[str, int],
+    calc: Callable[[Context, dict[str, Any]], tuple[Any, ...]],
+    period: float,
+    needs: Needs | None = None,
+    holds: bool = False,
+) -> None:
+    """x+ = f(x-, u): declares the outputs of a tick, and all of the state.
 
-    `calc(context, last)` returns its parts in their order; `last` are those of
-    the previous result by name.  If it `holds`, the outputs keep their values
-    of a tick until the next one is due.
+    x (n,) is outputs and memory, one behind the other, n the sum of their
+    sizes; with `holds` the state has the time of the next tick [s] behind it.
+    Each output port has its part of x+.  An update in every period makes x+
+    the discrete state x- of the next tick; at the start x- is 0.
+
+    Args:
+        system: block that gets the state, its update and the output ports.
+        outputs: size of each output port by its name.
+        memory: size of each part of the state that is no output, by name.
+        calc: f: returns the parts of x+ in the order of outputs and memory;
+            its second argument has those of x-, by name.
+        period: time between two ticks [s].
+        needs: what u is, by default all inputs.
+        holds: whether the outputs keep their values of a tick, whatever the
+            inputs are then, until the next tick is due.
     """
+    sizes = {**outputs, **memory}
+    ends = itertools.accumulate(sizes.values())
+    parts = {
+        name: slice(end - sizes[name], end)
+        for name, end in zip(sizes, ends, strict=True)
+    }
+    state: Any = system.DeclareDiscreteState(sum(sizes.values()) + holds)
+    tickets = _tickets(system, needs)
+    tickets.add(system.discrete_state_ticket(state))
 
-    def __init__(
-        self,
-        system: LeafSystem,
-        outputs: Mapping[str, int],
-        memory: Mapping[str, int],
-        calc: Callable[[framework.Context, dict[str, np.ndarray]], tuple],
-        period: float,
-        needs: Needs | None = None,
-        holds: bool = False,
-    ):
-        """Declares state, cache, ports and update.
-
-        `outputs` and `memory` are sizes by name.  The result depends on `needs`
-        (see declare_output) and on the state (0 at the start), and becomes the
-        state in an update every `period` [s].
-        """
-        sizes = {**outputs, **memory}
-        ends = itertools.accumulate(sizes.values(), initial=0)
-        slices = itertools.starmap(slice, itertools.pairwise(ends))
-        self._parts = dict(zip(sizes, slices, strict=True))
-        # With `holds`, the last entry is the time of the next tick [s].
-        length = sum(sizes.values()) + holds
-        self._state = system.DeclareDiscreteState(length)
-        self._period = period
-        tickets = _tickets(system, needs)
-        tickets.add(system.discrete_state_ticket(self._state))
-
-        def tick(context, _):
-            last = context.get_discrete_state(self._state).value()
-            named = {name: last[part] for name, part in self._parts.items()}
-            parts = calc(context, named)
-            if holds:
-                parts = (*parts, (context.get_time() + period,))
-            return np.concatenate(parts)
-
-        self._cache = declare_cache(system, "outcome", tick, tickets)
+    def tick(context: Context, _: Any) -> Array:
+        last: Any = context.get_discrete_state(state).value()
+        x = calc(context, {name: last[part] for name, part in parts.items()})
         if holds:
-            tickets.add(system.time_ticket())
-        now = self._held if holds else self._cache.Eval
-        tickets.add(self._cache.ticket())
-        for name, length in outputs.items():
-            system.DeclareVectorOutputPort(
-                name,
-                length,
-                lambda context, output, part=self._parts[name]: (
-                    output.set_value(now(context)[part])
-                ),
-                tickets,
-            )
+            x = (*x, (context.get_time() + period,))
+        return np.concatenate(x)
 
-        def remember(context, new):
-            outcome = self._cache.Eval(context)
-            new.get_mutable_discrete_state(self._state).set_value(outcome)
-            return framework.EventStatus.Succeeded()
+    outcome: Any = declare_cache(system, "outcome", tick, needs=tickets)
 
-        system.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, remember)
-
-    def _held(self, context: framework.Context) -> np.ndarray:
-        """The result of the tick of the time in `context`."""
-        last = context.get_discrete_state(self._state).value()
+    def held(context: Context) -> Any:
+        last = context.get_discrete_state(state).value()
         left = last[-1] - context.get_time()
-        if _EARLY < left <= self._period + _EARLY:
+        if TICK_TOLERANCE < left <= period + TICK_TOLERANCE:
             return last
-        return self._cache.Eval(context)
+        return outcome.Eval(context)
+
+    def remember(context: Context, new: State) -> None:
+        new.get_mutable_discrete_state(state).set_value(outcome.Eval(context))
+
+    if holds:
+        tickets.add(system.time_ticket())
+    tickets.add(outcome.ticket())
+    now = held if holds else outcome.Eval
+    for name, length in outputs.items():
+        system.DeclareVectorOutputPort(
+            name,
+            length,
+            lambda context, output, part=parts[name]: output.set_value(  # type: ignore[misc]
+                now(context)[part]
+            ),
+            tickets,
+        )
+    system.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, remember)

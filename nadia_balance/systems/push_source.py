@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -11,22 +12,37 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems import framework
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
-from nadia_balance.core.walking.state import Phase, Side, whole_ticks
+from nadia_balance.core.walking.state import (
+    ORIGIN,
+    ContactSchedule,
+    FootPoses,
+    Phase,
+    ReferencePoint,
+    Side,
+    WalkingState,
+    number_of_ticks,
+    whole_ticks,
+)
 from nadia_balance.parameters.bounds import check
-from nadia_balance.systems.ports import declare_cache, declare_output, inputs
+from nadia_balance.systems.ports import (
+    declare_cache,
+    declare_output,
+    input_port,
+    optional_input,
+)
 
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
 BOUNCE = 0.06  # shortest swing that is measured [s]
 # "Ticks left" of a push that has not begun: before its phase, and within it.
-_PENDING, _EXPECTED = -1.0, -2.0
+_PENDING = -1.0
+_EXPECTED = -2.0
 
 
-class PushSource(framework.LeafSystem):
+class PushSource(LeafSystem):
     """Computes push forces; each push acts once, for duration / period ticks.
 
     A push whose phase ends before the push is due, because the clock was
@@ -46,6 +62,17 @@ class PushSource(framework.LeafSystem):
     starts a push; a discrete plant applies its force from the next step on.
     `spatial_forces` exists only with a plant.
 
+    Args:
+        pushes: the pushes, which act once each.
+        mass: mass of the robot [kg].
+        period: time between two decisions [s].
+        plant: plant with the pushed bodies; None: no `spatial_forces`.
+        base_body: name of the body of pushes that name none.
+
+    Raises:
+        ValueError: an invalid push, an unknown body, or a duration or
+            delay that is not a multiple of `period`.
+
     .. pydrake_system::
 
         name: PushSource
@@ -60,45 +87,47 @@ class PushSource(framework.LeafSystem):
         period: float,
         plant: MultibodyPlant | None = None,
         base_body: str = "",
-    ):
-        """Pushes a robot of this `mass` [kg]; decides every `period` [s].
-
-        `base_body` names the body of `plant` for pushes that name none.
-
-        Raises ValueError: an invalid push, an unknown body, or a duration or
-        delay that is not a multiple of `period`.
-        """
+    ) -> None:
         super().__init__()
         for push in pushes:
             check(push)
             whole_ticks("duration", push.duration, period)
-        self._pushes, self._mass, self.period = list(pushes), mass, period
+        self._pushes = list(pushes)
+        self._mass = mass
+        self.period = period
         self._shares = [push.shares(period) for push in pushes]
         self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
         # Before these times a push is not looked at [s]; the last one is live.
-        moments = [push.moment for push in pushes]
-        times = [-math.inf if m.phase else m.time for m in moments]
-        self._not_before = np.array([*times, 0.0])
-        (self._walking_state,) = inputs(self, "walking_state?")
+        self._not_before = np.array(
+            [
+                *(
+                    -math.inf if push.moment.phase else push.moment.time
+                    for push in pushes
+                ),
+                0.0,
+            ]
+        )
+        self._walking = optional_input(self, "walking_state")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
-            size = [push.newtons(mass, period), push.direction_deg]
-            self.DeclareNumericParameter(framework.BasicVector(size))
-        self._state = self.DeclareDiscreteState(
-            [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
-        )
+            parameter: Any = [push.newtons(mass, period), push.direction_deg]
+            self.DeclareNumericParameter(BasicVector(parameter))
+        first: Any = [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
+        self._state: Any = self.DeclareDiscreteState(first)
         needs = [self.discrete_state_ticket(self._state)]
-        self._active = declare_cache(self, "active", self._calc_active, needs)
+        self._active: Any = declare_cache(
+            self, "active", self._calc_active, needs
+        )
         needs.append(self._active.ticket())
-        declare_output(self, "push_force", self._calc_force, needs)
-        declare_output(self, "push_signal", self._calc_signal, needs)
+        declare_output(self, "push_force", self._calc_force, needs=needs)
+        declare_output(self, "push_signal", self._calc_signal, needs=needs)
         if plant is not None:
-            self._bodies, live = [], Push(at="0 s")
-            for push in [*pushes, live]:
+            self._bodies = []
+            for push in [*pushes, Push(at="0 s")]:  # the last one is live
                 body = find_body(plant, push.body or base_body)
-                at = push.point or body.default_com()
-                self._bodies.append((body.index(), at))
+                point = push.point or body.default_com()
+                self._bodies.append((body.index(), point))
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -110,82 +139,107 @@ class PushSource(framework.LeafSystem):
     def set_push(
         self, context: Context, delta_v: float, direction_deg: float
     ) -> None:
-        """Sets `delta_v` [m/s] and direction [deg] of the first push.
+        """Sets the first push; it takes effect if that has not begun.
 
-        It takes effect if the push has not begun; `context` is this system's.
+        Args:
+            context: that of this system.
+            delta_v: velocity change of the robot's mass [m/s].
+            direction_deg: 0 forward, 90 left [deg].
         """
         newtons = self._mass * delta_v / self._effective[0]
-        parameter = context.get_mutable_numeric_parameter(0)
+        parameter: Any = context.get_mutable_numeric_parameter(0)
         parameter.SetFromVector([newtons, direction_deg])
 
     def begins(self, context: Context) -> bool:
-        """True if the first push begins in an update of this `context`."""
+        """True if the first push begins in an update of a context.
+
+        Args:
+            context: that of this system.
+
+        Returns:
+            Whether it begins, or has begun and still acts.
+        """
         row = self._rows(context)[0].copy()
         if row[0] < 0.0:
-            self._await(context, self._walking_state(context), 0, row)
-        return row[0] > 0.0
+            self._await(context, self._walking(context), i=0, row=row)
+        return bool(row[0] > 0.0)
 
-    def _rows(self, context: Context) -> np.ndarray:
+    def _rows(self, context: Context) -> Any:
         """Ticks, heading and force of each push: a view of the state."""
-        state = context.get_discrete_state(self._state).value()
+        state: Any = context.get_discrete_state(self._state).value()
         return state[:-3].reshape(-1, 3)
 
-    def _live(self, context: Context) -> np.ndarray:
+    def _live(self, context: Context) -> Any:
         """Count, number and ticks of the live pushes: a view of the state."""
         return context.get_discrete_state(self._state).value()[-3:]
 
-    def _update(self, context, state):
-        now = state.get_mutable_discrete_state(self._state)
+    def _update(self, context: Context, state: Any) -> None:
         rows = self._rows(context).copy()
-        count, number, ticks = self._live(context)
+        live = self._live(context).copy()
         waits = (rows[:, 0] < 0.0).any()
-        walks = self._walking_state(context) if waits else None
+        walking_state = self._walking(context) if waits else None
         soon = context.get_time() + 2.0 * TIME_TOLERANCE
         near = (rows[:, 0] > 0.0) | (self._not_before <= soon)
-        for i in np.flatnonzero(near & (rows[:, 0] != 0.0)):
+        for i in np.flatnonzero(near & (rows[:, 0] != 0.0)).tolist():
             if rows[i, 0] > 0.0:
                 rows[i, 0] -= 1.0
             else:
-                self._await(context, walks, i, rows[i])
+                self._await(context, walking_state, i=i, row=rows[i])
         if self._live_push.HasValue(context):
-            clicks, *wish = told = self._live_push.Eval(context).tolist()
-            if not np.isfinite(told).all():
-                at = f"at {context.get_time():.3f} s"
-                raise ValueError(f"live_push = {told} {at}: must be finite")
-            if clicks > count:
-                push = Push(at="0 s")
-                push.delta_v, push.direction_deg, push.duration = wish
-                check(push)
-                number += 1.0
-                ticks = walking.number_of_ticks(push.duration, self.period)
-                push.duration = ticks * self.period
-                heading = _yaw(self._walking_state(context))
-                heading += math.radians(push.direction_deg)
-                newtons = push.newtons(self._mass, self.period)
-                rows[-1] = ticks, heading, newtons
-            count = clicks
-        now.set_value([*rows.ravel(), count, number, ticks])
-        return framework.EventStatus.Succeeded()
+            self._take_live(context, live, rows[-1])
+        state.get_mutable_discrete_state(self._state).set_value(
+            [*rows.ravel(), *live]
+        )
 
-    def _await(self, context, walks, i: int, row) -> None:
+    def _take_live(self, context: Context, live: Array, row: Array) -> None:
+        """Updates the state of the live pushes, and the `row` of the last."""
+        command: Any = self._live_push.Eval(context)
+        if not np.isfinite(command).all():
+            raise ValueError(
+                f"live_push = {command.tolist()} at "
+                f"{context.get_time():.3f} s: must be finite"
+            )
+        count, delta_v, direction_deg, duration = command.tolist()
+        if count > live[0]:
+            push = Push(
+                at="0 s",
+                delta_v=delta_v,
+                direction_deg=direction_deg,
+                duration=duration,
+            )
+            check(push)
+            ticks = number_of_ticks(push.duration, self.period)
+            push.duration = ticks * self.period
+            heading = _yaw(self._walking(context))
+            heading += math.radians(direction_deg)
+            row[:] = ticks, heading, push.newtons(self._mass, self.period)
+            live[1:] = live[1] + 1.0, ticks
+        live[0] = count
+
+    def _await(
+        self, context: Context, walking_state: Any, i: int, row: Array
+    ) -> None:
         """Updates the state `row` of push `i`, which has not begun."""
         push = self._pushes[i]
-        if walks is None and push.moment.phase is not None:
+        if walking_state is None and push.moment.phase is not None:
             raise RuntimeError(
                 f"at = {push.at!r}: must be a time without a walking_state"
             )
-        due = push.is_due(context.get_time(), walks, self.period)
-        in_phase = push.is_in_phase(walks)
+        due = push.is_due(context.get_time(), walking_state, self.period)
+        in_phase = push.is_in_phase(walking_state)
         if due or in_phase:
-            row[:2] = _EXPECTED, _yaw(walks)
+            row[:2] = _EXPECTED, _yaw(walking_state)
         if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
             ticks = len(self._shares[i]) + self._delays[i]
             row[:] = ticks, row[1] + math.radians(direction_deg), newtons
 
-    def _calc_active(self, context, _) -> list[tuple[int, int, np.ndarray]]:
+    def _calc_active(
+        self, context: Context, _: object
+    ) -> list[tuple[int, int, Array]]:
         """Index, ticks passed and force (3,) [N] in W of the active pushes."""
-        active, rows = [], self._rows(context)
+        active: list[tuple[int, int, Array]] = []
+        rows = self._rows(context)
         if not (rows[:, 0] > 0.0).any():
             return active
         # The last push is the live one.
@@ -198,10 +252,11 @@ class PushSource(framework.LeafSystem):
                 active.append((i, passed, force))
         return active
 
-    def _calc_force(self, context) -> np.ndarray:
-        return sum((f for *_, f in self._active.Eval(context)), np.zeros(3))
+    def _calc_force(self, context: Context) -> Any:
+        active = self._active.Eval(context)
+        return sum((force for *_, force in active), np.zeros(3))
 
-    def _calc_signal(self, context) -> list[float]:
+    def _calc_signal(self, context: Context) -> list[float]:
         number, delta_v, force = 0, 0.0, np.zeros(3)
         rows = self._rows(context)
         active = self._active.Eval(context)
@@ -212,20 +267,20 @@ class PushSource(framework.LeafSystem):
             number = i + (count if is_live else 1)
             effective = ticks * self.period if is_live else self._effective[i]
             delta_v = rows[i, 2] * effective / self._mass
-        waiting = np.count_nonzero(rows[:-1, 0])
-        return [number, delta_v, *force, waiting]
+        return [number, delta_v, *force, np.count_nonzero(rows[:-1, 0])]
 
-    def _calc_spatial(self, context, output):
+    def _calc_spatial(self, context: Any, output: Any) -> None:
         forces = []
         for i, _, f_W in self._active.Eval(context):
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = self._bodies[i]
-            applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=f_W)
+            tau_W: Any = np.zeros(3)
+            applied.F_Bq_W = SpatialForce(tau=tau_W, f=f_W)
             forces.append(applied)
         output.set_value(forces)
 
 
-class ContactClock(framework.LeafSystem):
+class ContactClock(LeafSystem):
     """Computes the phase of any controller's gait from the forces on the feet.
 
     A foot swings while only the other one has more than LOADED of the weight.
@@ -238,6 +293,10 @@ class ContactClock(framework.LeafSystem):
     [s]; steps; last durations [s] of right transfer, right swing, left transfer
     and left swing].
 
+    Args:
+        weight: weight of the robot [N].
+        period: time between two looks at its feet [s].
+
     .. pydrake_system::
 
         name: ContactClock
@@ -245,62 +304,71 @@ class ContactClock(framework.LeafSystem):
         output_ports: [walking_state]
     """
 
-    def __init__(self, weight: float, period: float):
-        """Reads the feet of a robot of this `weight` [N] every `period` [s]."""
+    def __init__(self, weight: float, period: float) -> None:
         super().__init__()
-        self._least, self._period = LOADED * weight, period
-        (self._forces,) = inputs(self, "foot_forces")
-        self._state = self.DeclareDiscreteState(8)
+        self._least_force, self._period = LOADED * weight, period
+        self._forces = input_port(self, "foot_forces")
+        self._state: Any = self.DeclareDiscreteState(8)
         needs = [self.discrete_state_ticket(self._state)]
-        declare_output(self, "walking_state", self._calc_walking, needs)
+        declare_output(self, "walking_state", self._calc_walking, needs=needs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-        feet = walking.FootPoses(walking.ORIGIN, walking.ORIGIN)
-        self._schedule = walking.ContactSchedule(
-            *(Phase.STANDING, Side.LEFT, math.inf, feet, ()),
-            walking.ReferencePoint(*np.zeros((3, 2))),
+        self._standing = ContactSchedule(
+            phase=Phase.STANDING,
+            support_side=Side.LEFT,
+            duration=math.inf,
+            feet=FootPoses(ORIGIN, ORIGIN),
+            footsteps=(),
+            start=ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2)),
         )
 
-    def _update(self, context, state):
-        now = state.get_mutable_discrete_state(self._state)
-        swings, side, time, steps, *lasted = now.value().tolist()
-        left, right = self._forces(context) > self._least
+    def _update(self, context: Context, state: State) -> None:
+        memory: Any = state.get_mutable_discrete_state(self._state)
+        swings, side, time, steps, *lasted = memory.value().tolist()
+        left, right = self._forces(context) > self._least_force
         lifted = float(right) - float(left)  # +1: only the left foot
         bounces = not swings and lifted == -side and time < BOUNCE
         if not (left or right) or lifted == swings * side or bounces:
-            now[2] = time + self._period
+            memory[2] = time + self._period
         else:
             if side:
                 lasted[int(side + 1.0 + swings)] = time + self._period
             side = lifted or -side
-            now.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
-        return framework.EventStatus.Succeeded()
+            memory.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
 
-    def _calc_walking(self, context) -> walking.WalkingState:
+    def _calc_walking(self, context: Context) -> WalkingState:
         state = context.get_discrete_state(self._state).value().tolist()
         swings, side, time, steps, *lasted = state
-        schedule = self._schedule
-        if duration := lasted[int(side + 1.0 + swings)]:
+        schedule = self._standing
+        duration = lasted[int(side + 1.0 + swings)]
+        if duration:
             schedule = replace(
                 schedule,
                 phase=Phase.SWING if swings else Phase.TRANSFER,
                 support_side=Side.RIGHT if side > 0.0 else Side.LEFT,
                 duration=duration,
             )
-        return walking.WalkingState(schedule, time, steps_taken=int(steps))
+        return WalkingState(schedule, time, steps_taken=int(steps))
 
 
-def _yaw(state: walking.WalkingState | None) -> float:
+def _yaw(state: WalkingState | None) -> float:
     """Yaw of the support foot in W [rad], 0 without a walking state."""
     if state is None:
         return 0.0
-    schedule = state.schedule
-    return schedule.feet[schedule.support_side].yaw
+    return state.schedule.feet[state.schedule.support_side].yaw
 
 
 def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
-    """Returns the body `name` of the `plant`.
+    """The body of a plant.
 
-    Raises ValueError: the plant has no such body.
+    Args:
+        plant: the plant.
+        name: name of the body.
+
+    Returns:
+        The body.
+
+    Raises:
+        ValueError: the plant has no such body.
     """
     if name == "world" or not plant.HasBodyNamed(name):
         raise ValueError(f"body = {name!r}: must be a body of the robot")

@@ -1,20 +1,25 @@
 """The state that the controller acts on: predicted, and what follows."""
 
 import math
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.body.model import lag_share
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.walking.state import FootPose, FootPoses, whole_ticks
 from nadia_balance.core.whole_body.command import WholeBodyTerms
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.kinematics import WholeBodyKinematics
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.ports import Input, declare_output, declare_scratch
+from nadia_balance.systems.ports import (
+    declare_output,
+    declare_scratch,
+    input_port,
+)
 from nadia_balance.systems.signals import ComState
 
 
@@ -34,6 +39,15 @@ class StatePredictor(LeafSystem):
     acceleration now, and its means over the periods of the delay, the latest
     first; 0 at the start.
 
+    Args:
+        robot: robot whose state is predicted.
+        period: control period [s].
+        delay: of the measurement [s], a multiple of the period.
+        lead: time until the torques of a tick act [s].
+
+    Raises:
+        ValueError: another delay.
+
     .. pydrake_system::
 
         name: StatePredictor
@@ -47,76 +61,93 @@ class StatePredictor(LeafSystem):
         period: float,
         delay: float = 0.0,
         lead: float = 0.0,
-    ):
-        """Predicts by `delay`, a multiple of `period`, plus `lead` [s].
-
-        Raises ValueError for another `delay`.
-        """
+    ) -> None:
         super().__init__()
         self._period, self._lead = period, lead
         self._plant = plant = robot.control_plant()
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
-        size = plant.num_multibody_states()
-        self._state = Input(self, "estimated_state", size)
-        self._scratch = declare_scratch(self, plant)
-        self._periods = walking.whole_ticks("delay", delay, period)
+        num_states = plant.num_multibody_states()
+        self._state = input_port(self, "estimated_state", num_states)
+        self._scratch: Any = declare_scratch(self, plant)
+        self._periods = whole_ticks("delay", delay, period)
         if self._periods:
+            self._commanded = input_port(
+                self, "generalized_acceleration", self._nv
+            )
             # Response to a step in acceleration: after a period, and its mean.
             self._share, self._mean_share = 1.0, 1.0
             if robot.drives is not None:
                 self._share = lag_share(robot.drives.bandwidth, period)
                 self._mean_share -= self._share * robot.drives.lag / period
-            self._commanded = Input(self, "generalized_acceleration", self._nv)
             self.DeclareDiscreteState((1 + self._periods) * self._nv)
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
-        needs = {self._state.ticket(), self.all_state_ticket()}
         self.DeclareVectorOutputPort(
-            "predicted_state", size, self._calc_state, needs
+            "predicted_state",
+            num_states,
+            self._calc_state,
+            {self._state.ticket(), self.all_state_ticket()},
         )
 
-    def _accelerations(self, context) -> np.ndarray:
+    def _accelerations(self, context: Context) -> Any:
         """Accelerations (1 + n, nv): now, and n means, the latest first."""
-        values = context.get_discrete_state_vector().value()
+        values: Any = context.get_discrete_state_vector().value()
         return values.reshape(-1, self._nv)
 
-    def _remember(self, context, new):
+    def _remember(self, context: Context, new: Any) -> None:
         now, *means = self._accelerations(context)
         missing = self._commanded(context) - now
-        latest = now + self._share * missing, now + self._mean_share * missing
-        new.set_value(np.concatenate((*latest, *means[:-1])))
-        return EventStatus.Succeeded()
+        new.set_value(
+            np.concatenate(
+                (
+                    now + self._share * missing,
+                    now + self._mean_share * missing,
+                    *means[:-1],
+                )
+            )
+        )
 
-    def _calc_state(self, context, output):
+    def _calc_state(self, context: Context, output: Any) -> None:
         q, v = np.split(self._state(context), [self._nq])
         if self._periods:
-            h, way = self._period, np.zeros(self._nv)
+            h = self._period
+            displacement = np.zeros(self._nv)
             for acceleration in self._accelerations(context)[:0:-1]:
-                way += h * (v + 0.5 * h * acceleration)
+                displacement += h * (v + 0.5 * h * acceleration)
                 v = v + h * acceleration
-            q = self._moved(context, q, way, 1.0)
+            q = self._moved(context, q, v=displacement, time=1.0)
         if self._lead:
-            q = self._moved(context, q, v, self._lead)
+            q = self._moved(context, q, v=v, time=self._lead)
         output.SetFromVector(np.concatenate((q, v)))
 
-    def _moved(
-        self, context, q: np.ndarray, v: np.ndarray, time: float
-    ) -> np.ndarray:
+    def _moved(self, context: Context, q: Array, v: Array, time: float) -> Any:
         """Positions (nq,) after `time` [s] from `q` at the velocity `v`."""
+        plant: Any = self._plant
         plant_context = self._scratch.Eval(context)
-        self._plant.SetPositions(plant_context, q)
-        q = q + time * self._plant.MapVelocityToQDot(plant_context, v)
+        plant.SetPositions(plant_context, q)
+        q = q + time * plant.MapVelocityToQDot(plant_context, v)
         q[:4] /= math.hypot(*q[:4].tolist())
         return q
 
 
 class CentroidalEstimator(LeafSystem):
-    """Computes CoM, ICP (Nadia paper, Eq. 1), foot poses and dynamics terms.
+    """Computes dynamics terms; from them CoM, ICP and foot poses.
 
-    icp = c + c_dot / omega; in alip_icp, c_dot is the velocity of a pendulum
-    with the robot's angular momentum about its contact (`alip_velocity`), which
-    a leg that is swung does not change.  `predicted_state` is [q, v] of the
-    robot's `control_plant`.  The other outputs follow from `whole_body_terms`;
-    `foot_poses` are as if level.
+    Three ideas in one block, as all follow from one pass over the links:
+
+    1. `whole_body_terms`, kinematics and dynamics for the whole-body QP.
+    2. `com_state`, and icp = c + c_dot / omega (Nadia paper, Eq. 1); in
+       `alip_icp`, c_dot is the velocity of a pendulum with the robot's angular
+       momentum about its contact (`alip_velocity`), which a leg that is swung
+       does not change.
+    3. `foot_poses`, as if level.
+
+    `predicted_state` is [q, v] of the robot's `control_plant`.
+
+    Args:
+        robot: robot whose links move.
+        avoidance: which links the terms keep apart; None: none.
+        lead: by which the positions of the state are ahead of its
+            velocities [s] (see StatePredictor).
 
     .. pydrake_system::
 
@@ -130,65 +161,78 @@ class CentroidalEstimator(LeafSystem):
         robot: RobotModel,
         avoidance: CollisionAvoidanceParams | None = None,
         lead: float = 0.0,
-    ):
-        """Estimates with a private plant of `robot`.
-
-        The terms have the rows of `avoidance`, if given.  The positions of the
-        state are a `lead` [s] ahead of its velocities (see StatePredictor).
-        """
+    ) -> None:
         super().__init__()
         # A private plant for the terms and the distances of the shapes.
         diagram, plant, scene_graph = robot.control_diagram()
-        self._plant = plant
+        self._plant: Any = plant
         self._kinematics = WholeBodyKinematics(robot, plant, lead)
-        self._avoidance = avoidance and CollisionAvoidance(
-            avoidance, robot, plant, scene_graph
+        self._avoidance = (
+            None
+            if avoidance is None
+            else CollisionAvoidance(avoidance, robot, plant, scene_graph)
         )
         self._omega = robot.point_mass.omega
         self._height = robot.com_height
-        size = plant.num_multibody_states()
-        self._state = Input(self, "predicted_state", size)
+        self._state = input_port(
+            self, "predicted_state", plant.num_multibody_states()
+        )
         # Only the calculation of the terms changes it.
-        self._scratch = declare_scratch(self, diagram)
-        self._terms = declare_output(self, "whole_body_terms", self._calc_terms)
-        for name, calc in (
-            ("com_state", lambda terms: terms.com_state),
-            ("icp", self._calc_icp),
-            ("alip_icp", self._calc_alip_icp),
-            ("foot_poses", foot_poses),
-        ):
-            declare_output(
-                self,
-                name,
-                lambda context, calc=calc: calc(self._terms.Eval(context)),
-                [self._terms],
-            )
+        self._scratch: Any = declare_scratch(self, diagram)
+        self._terms: Any = declare_output(
+            self, "whole_body_terms", self._calc_terms
+        )
+        needs = [self._terms]
+        declare_output(
+            self,
+            "com_state",
+            lambda context: self._terms.Eval(context).com_state,
+            needs=needs,
+        )
+        declare_output(self, "icp", self._calc_icp, needs=needs)
+        declare_output(self, "alip_icp", self._calc_alip_icp, needs=needs)
+        declare_output(
+            self,
+            "foot_poses",
+            lambda context: foot_poses(self._terms.Eval(context)),
+            needs=needs,
+        )
 
-    def _calc_terms(self, context) -> WholeBodyTerms:
+    def _calc_terms(self, context: Context) -> WholeBodyTerms:
         root = self._scratch.Eval(context)
-        own = self._plant.GetMyMutableContextFromRoot(root)
-        self._plant.SetPositionsAndVelocities(own, self._state(context))
-        terms = self._kinematics.calc(own)
+        plant_context = self._plant.GetMyMutableContextFromRoot(root)
+        self._plant.SetPositionsAndVelocities(
+            plant_context, self._state(context)
+        )
+        terms = self._kinematics.calc(plant_context)
         if self._avoidance is None:
             return terms
-        return terms._replace(avoidance=self._avoidance.calc(own))
+        return terms._replace(avoidance=self._avoidance.calc(plant_context))
 
-    def _calc_icp(self, terms: WholeBodyTerms) -> Array:
-        com = ComState(terms.com_state)
+    def _calc_icp(self, context: Context) -> Array:
+        com = ComState(self._terms.Eval(context).com_state)
         return icp(com.position[:2], com.velocity[:2], self._omega)
 
-    def _calc_alip_icp(self, terms: WholeBodyTerms) -> Array:
-        com, L = ComState(terms.com_state), terms.angular_momentum
-        v = alip_velocity(com.velocity[:2], L, self._height)
-        return icp(com.position[:2], v, self._omega)
-
-
-def foot_poses(terms: WholeBodyTerms) -> walking.FootPoses:
-    """The measured soles, as if level."""
-    left, right = (
-        walking.FootPose(
-            terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0])
+    def _calc_alip_icp(self, context: Context) -> Array:
+        terms = self._terms.Eval(context)
+        com = ComState(terms.com_state)
+        velocity = alip_velocity(
+            com.velocity[:2], terms.angular_momentum, self._height
         )
+        return icp(com.position[:2], velocity, self._omega)
+
+
+def foot_poses(terms: WholeBodyTerms) -> FootPoses:
+    """The measured soles, as if level.
+
+    Args:
+        terms: kinematics of the robot.
+
+    Returns:
+        The poses of the soles in W.
+    """
+    left, right = (
+        FootPose(terms.sole_positions[i], math.atan2(R_WF[1][0], R_WF[0][0]))
         for i, R_WF in enumerate(terms.rotations[:2].tolist())
     )
-    return walking.FootPoses(left, right)
+    return FootPoses(left, right)

@@ -1,16 +1,42 @@
 """Where the next foot goes, and how: its foothold, and its motion."""
 
-from pydrake.systems.framework import LeafSystem
+from typing import Any
+
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import edges_on_way
-from nadia_balance.core.steps import capture_region, swing_foot
-from nadia_balance.core.steps import foothold_adjustment as rules
-from nadia_balance.core.steps.foothold_adjustment import CaptureRegions, Landing
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+    geometry_key,
+)
+from nadia_balance.core.steps.foothold_adjustment import (
+    CaptureRegions,
+    Landing,
+    capture_regions,
+    current_adjustment,
+    propose_adjustment,
+    touchdown_interval,
+    unadjusted,
+)
+from nadia_balance.core.steps.swing_foot import (
+    SwingFoot,
+    SwingFootParams,
+    as_reference,
+)
+from nadia_balance.core.walking.mechanisms import USUAL
+from nadia_balance.core.walking.state import Adjustment, Phase
 from nadia_balance.parameters.bounds import check
-from nadia_balance.systems import ports
-from nadia_balance.systems.signals import sizes
+from nadia_balance.systems.ports import (
+    declare_cache,
+    declare_outcome,
+    declare_output,
+    declare_plan,
+    input_port,
+    optional_input,
+)
+from nadia_balance.systems.signals import SwingFootReference, size
 
 
 class CaptureRegionStepAdjuster(LeafSystem):
@@ -20,6 +46,11 @@ class CaptureRegionStepAdjuster(LeafSystem):
     needs to a foothold is ignored.  Outside of a swing `adjustment` is the
     unchanged next foothold, and `capture_regions` are empty.  The block has no
     state: its memory is the Adjustment in the walking state.
+
+    Args:
+        params: rules of the adjustment.
+        model: point mass of the robot.
+        period: control period [s].
 
     .. pydrake_system::
 
@@ -31,59 +62,73 @@ class CaptureRegionStepAdjuster(LeafSystem):
 
     def __init__(
         self,
-        params: capture_region.CaptureRegionStepAdjusterParams,
+        params: CaptureRegionStepAdjusterParams,
         model: PointMassModel,
         period: float,
-    ):
+    ) -> None:
         super().__init__()
         check(params)
         params.usable_foot(model.cop_area)  # raises if it is empty
-        self._params, self._model, self._period = params, model, period
-        names = "alip_icp walking_state time_adjustment foot_poses? mechanisms"
-        ins = ports.inputs(self, names)
-        self._icp, self._walking_state, self._time, self._feet, self._on = ins
-        self._landing = ports.declare_cache(self, "landing", self._calc_landing)
-        self._adjustment = ports.declare_output(
-            self, "adjustment", self._calc_adjustment, [self._landing]
+        self._params = params
+        self._model = model
+        self._period = period
+        self._icp = input_port(self, "alip_icp")
+        self._walking = input_port(self, "walking_state")
+        self._time = optional_input(self, "time_adjustment", default=(0.0, 0.0))
+        self._feet = optional_input(self, "foot_poses")
+        self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
+        self._landing: Any = declare_cache(self, "landing", self._calc_landing)
+        self._adjustment: Any = declare_output(
+            self, "adjustment", self._calc_adjustment, needs=[self._landing]
         )
-        ports.declare_output(
-            self, "capture_regions", self._calc_regions, [self._landing]
+        declare_output(
+            self, "capture_regions", self._calc_regions, needs=[self._landing]
         )
 
-    def _calc_landing(self, context, last) -> Landing | tuple[()]:
-        """The Landing of this tick; outside of a swing (), which is false."""
-        state, on = self._walking_state(context), self._on(context)
-        if state.schedule.phase is not walking.Phase.SWING:
-            return ()
-        key = capture_region.geometry_key(state.schedule, on)
-        geometry = last.geometry if last else None
-        if geometry is None or geometry.key != key:
-            of = state.schedule, self._params, self._model, on
-            geometry = capture_region.SwingGeometry(*of)
-        foot = None
-        if on.swing and (feet := self._feet(context)) is not None:
-            foot = feet[geometry.swing].p_WF[:2]
-        clock_gain = float(self._time(context)[1])
-        touchdown = rules.touchdown_interval(state, clock_gain, self._params)
-        return Landing(geometry, self._icp(context), touchdown, foot)
-
-    def _calc_adjustment(self, context) -> walking.Adjustment | None:
-        if not self._on(context).step:
+    def _calc_landing(
+        self, context: Context, last: Landing | None
+    ) -> Landing | None:
+        """The Landing of this tick; None outside of a swing."""
+        state = self._walking(context)
+        mechanisms = self._mechanisms(context)
+        if state.schedule.phase is not Phase.SWING:
             return None
-        state = self._walking_state(context)
-        if not (landing := self._landing.Eval(context)):
-            return rules.unadjusted(state.schedule)
-        tick = landing, self._params, self._period
-        return rules.propose_adjustment(state, *tick)
-
-    def _calc_regions(self, context) -> CaptureRegions:
-        if not (landing := self._landing.Eval(context)):
-            return CaptureRegions()
-        # While `step` is off, the previous adjustment holds.
-        now = self._adjustment.Eval(context) or rules.current_adjustment(
-            self._walking_state(context)
+        geometry = last.geometry if last else None
+        key = geometry_key(state.schedule, mechanisms)
+        if geometry is None or geometry.key != key:
+            geometry = SwingGeometry(
+                state.schedule, self._params, model=self._model, on=mechanisms
+            )
+        feet = self._feet(context) if mechanisms.swing else None
+        return Landing(
+            geometry,
+            icp=self._icp(context),
+            touchdown=touchdown_interval(
+                state, float(self._time(context)[1]), self._params
+            ),
+            foot=None if feet is None else feet[geometry.swing].p_WF[:2],
         )
-        return rules.capture_regions(landing, now)
+
+    def _calc_adjustment(self, context: Context) -> Adjustment | None:
+        if not self._mechanisms(context).step:
+            return None
+        state = self._walking(context)
+        landing = self._landing.Eval(context)
+        if not landing:
+            return unadjusted(state.schedule)
+        return propose_adjustment(
+            state, landing, params=self._params, period=self._period
+        )
+
+    def _calc_regions(self, context: Context) -> CaptureRegions:
+        landing = self._landing.Eval(context)
+        if not landing:
+            return CaptureRegions()
+        adjustment = self._adjustment.Eval(context)
+        # While `step` is off, the previous adjustment holds.
+        return capture_regions(
+            landing, adjustment or current_adjustment(self._walking(context))
+        )
 
 
 class SwingFootPlanner(LeafSystem):
@@ -94,6 +139,12 @@ class SwingFootPlanner(LeafSystem):
     StatePredictor, positions a `lead` ahead, velocities not.  The discrete
     state is the output of the last tick, and the motion without the lead.
 
+    Args:
+        params: shape of the swing.
+        model: point mass of the robot, with the ground.
+        period: control period [s].
+        lead: time until the torques of a tick act [s].
+
     .. pydrake_system::
 
         name: SwingFootPlanner
@@ -103,26 +154,36 @@ class SwingFootPlanner(LeafSystem):
 
     def __init__(
         self,
-        params: swing_foot.SwingFootParams,
+        params: SwingFootParams,
         model: PointMassModel,
         period: float,
         lead: float = 0.0,
-    ):
+    ) -> None:
         super().__init__()
         check(params)
-        self._foot = swing_foot.SwingFoot(params, model, period, lead)
-        (self._walking,) = ports.inputs(self, "walking_state")
-        over = model.ground, params.clearance
-        self._edges = ports.declare_plan(
-            self, self._walking, lambda now: edges_on_way(now.schedule, *over)
+        self._foot = SwingFoot(params, model, period, lead=lead)
+        self._walking = input_port(self, "walking_state")
+        self._edges: Any = declare_plan(
+            self,
+            self._walking,
+            lambda state: edges_on_way(
+                state.schedule, model.ground, params.clearance
+            ),
         )
         # The initial state is not used: the first swing begins at the pose of
         # the standing foot.
-        told = sizes("swing_foot_reference")
-        ports.Outcome(self, told, {"motion": 12}, self._calc, period)
+        declare_outcome(
+            self,
+            outputs={"swing_foot_reference": size(SwingFootReference)},
+            memory={"motion": 12},
+            calc=self._calc,
+            period=period,
+        )
 
-    def _calc(self, context, last) -> tuple:
-        walks, (_, edges) = self._walking(context), self._edges.Eval(context)
-        previous = last["motion"].reshape(3, 4)
-        motion, ahead = self._foot.motion(previous, walks, edges)
-        return swing_foot.as_reference(ahead, self._foot.lead), motion.ravel()
+    def _calc(self, context: Context, last: dict[str, Any]) -> tuple[Any, ...]:
+        motion, ahead = self._foot.motion(
+            last["motion"].reshape(3, 4),
+            self._walking(context),
+            edges=self._edges.Eval(context)[1],
+        )
+        return as_reference(ahead, self._foot.lead), motion.ravel()

@@ -1,22 +1,28 @@
 """Joint torques from a momentum rate, and the friction that they count on."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import EventStatus, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.whole_body import limits
 from nadia_balance.core.whole_body.command import SOLES, whole_body_command
+from nadia_balance.core.whole_body.limits import friction_after
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import Task
 from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import Input, Outcome, declare_output, inputs
-from nadia_balance.systems.signals import QpStatus, sizes
+from nadia_balance.systems.ports import (
+    declare_outcome,
+    declare_output,
+    input_port,
+    optional_input,
+)
+from nadia_balance.systems.signals import QpStatus, size
 
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 
@@ -36,6 +42,12 @@ class WholeBodyInverseDynamics(LeafSystem):
     counted.  After GIVES_UP_AFTER without a solution this is permanent, and the
     QP is no longer solved.
 
+    Args:
+        params: weights, gains and limits of the QP.
+        robot: robot whose joints are driven.
+        period: control period [s].
+        tasks: tasks that are added to those of the QP (see Task).
+
     .. pydrake_system::
 
         name: WholeBodyInverseDynamics
@@ -51,61 +63,75 @@ class WholeBodyInverseDynamics(LeafSystem):
         robot: RobotModel,
         period: float,
         tasks: Iterable[Task] = (),
-    ):
-        """Solves every `period` [s], for this `robot`.
-
-        `tasks` are added to those of the QP (see Task).
-        """
+    ) -> None:
         super().__init__()
         plant = robot.control_plant()
-        model = whole_body_model(robot, plant, params)
-        self._params, self._model = params, model
-        self._qp = WholeBodyQp(params, model, period, tasks)
+        self._params = params
+        self._model = whole_body_model(robot, plant, params)
+        self._qp = WholeBodyQp(params, self._model, period, tasks=tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
-        names = "whole_body_terms momentum_rate swing_foot_reference"
-        self._terms, self._momentum_rate, self._swing, self._walking_state = (
-            inputs(self, names, "walking_state")
+        self._terms = input_port(self, "whole_body_terms")
+        self._momentum_rate = input_port(self, "momentum_rate")
+        self._swing = input_port(self, "swing_foot_reference")
+        self._walking = input_port(self, "walking_state")
+        self._friction = optional_input(
+            self, "friction", default=[params.friction]
         )
-        self._friction = Input(self, "friction", 1, [params.friction])
-        Outcome(
+        declare_outcome(
             self,
-            {
+            outputs={
                 "actuation": len(self._joint_of_actuator),
-                **sizes("foot_wrenches whole_body_qp_status"),
+                "foot_wrenches": 12,
+                "whole_body_qp_status": size(QpStatus),
                 "generalized_acceleration": plant.num_velocities(),
             },
-            {"torques": model.num_joints, "unsolved": 1},
-            self._calc_outcome,
-            period,
+            memory={"torques": self._model.num_joints, "unsolved": 1},
+            calc=self._calc_outcome,
+            period=period,
             holds=True,
         )
 
-    def _calc_outcome(self, context, last) -> tuple:
+    def _calc_outcome(
+        self, context: Context, last: dict[str, Any]
+    ) -> tuple[Any, ...]:
         terms = self._terms(context)
-        rate, swing = self._momentum_rate(context), self._swing(context)[:]
-        wishes = rate, swing, float(self._friction(context)[0])
         command = whole_body_command(
-            self._walking_state(context), *wishes, self._params, self._model
+            self._walking(context),
+            momentum_rate=self._momentum_rate(context),
+            swing=self._swing(context)[:],
+            friction=float(self._friction(context)[0]),
+            params=self._params,
+            model=self._model,
         )
-        (unsolved,) = last["unsolved"]
-        status, torques = QpStatus(last["whole_body_qp_status"]), None
-        if status.solved or unsolved:  # false before the first tick only
+        unsolved = last["unsolved"][0]
+        last_status = QpStatus(last["whole_body_qp_status"])
+        torques = None
+        if last_status.solved or unsolved:  # false before the first tick only
             torques = last["torques"]
-        if unsolved > self._max_unsolved:
-            status = 0.0, 0.0, 0.0, np.nan, status.failures + 1
-        else:
-            found = self._qp.solve(terms, command, torques)
-            status = status.after(found.qp)
-        if status[0]:
-            torques, wrenches, vdot = found.torques, found.wrenches, found.vdot
-            unsolved = 0
-        else:
-            torques = self._qp.damping_torques(terms, torques)
-            wrenches, vdot = np.zeros(12), np.zeros(terms.v.size)
-            unsolved += 1
-        actuation = torques[self._joint_of_actuator]
-        return actuation, wrenches, status, vdot, torques, [unsolved]
+        failures = last_status.failures + 1
+        status: tuple[float, ...] = (0.0, 0.0, 0.0, np.nan, failures)
+        if unsolved <= self._max_unsolved:
+            solution = self._qp.solve(terms, command, torques)
+            status = last_status.after(solution.qp)
+            if solution.qp.solved:
+                return (
+                    solution.torques[self._joint_of_actuator],
+                    solution.wrenches,
+                    status,
+                    solution.vdot,
+                    solution.torques,
+                    [0],
+                )
+        torques = self._qp.damping_torques(terms, torques)
+        return (
+            torques[self._joint_of_actuator],
+            np.zeros(12),
+            status,
+            np.zeros(terms.v.size),
+            torques,
+            [unsolved + 1],
+        )
 
 
 class FrictionEstimator(LeafSystem):
@@ -113,6 +139,11 @@ class FrictionEstimator(LeafSystem):
 
     `foot_wrenches` are the commanded ones of this tick; `friction` is one tick
     late.  The discrete state is [friction; time [s] under load of each sole].
+
+    Args:
+        params: its friction is the initial and the largest estimate.
+        model: point mass of the robot.
+        period: control period [s].
 
     .. pydrake_system::
 
@@ -123,35 +154,37 @@ class FrictionEstimator(LeafSystem):
 
     def __init__(
         self, params: WholeBodyQpParams, model: PointMassModel, period: float
-    ):
-        """Updates every `period` [s], for a robot of the mass of `model`.
-
-        The friction of `params` is the initial and the largest estimate.
-        """
+    ) -> None:
         super().__init__()
         self._params, self._period = params, period
         self._weight = model.mass * GRAVITY
-        names = "whole_body_terms foot_wrenches"
-        self._terms, self._wrenches = inputs(self, names)
-        self.DeclareDiscreteState([params.friction, 0.0, 0.0])
+        self._terms = input_port(self, "whole_body_terms")
+        self._wrenches = input_port(self, "foot_wrenches")
+        first: Any = [params.friction, 0.0, 0.0]
+        self.DeclareDiscreteState(first)
         declare_output(
             self,
             "friction",
             lambda context: context.get_discrete_state_vector().value()[:1],
-            [self.all_state_ticket()],
+            needs=[self.all_state_ticket()],
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
-    def _update(self, context, new):
+    def _update(self, context: Context, new: Any) -> None:
         last = context.get_discrete_state_vector().value()
-        terms, wrenches = self._terms(context), self._wrenches(context)
+        terms = self._terms(context)
+        forces = self._wrenches(context).reshape(2, 6)[:, 3:]
         # Force per weight and velocity of each sole, from W to its own frame.
         motion = np.empty((2, 2, 3))
-        motion[:, 0] = wrenches.reshape(2, 6)[:, 3:] / self._weight
+        motion[:, 0] = forces / self._weight
         motion[:, 1] = terms.velocities[: SOLES[1].stop].reshape(2, 6)[:, 3:]
         motion = motion @ terms.rotations[:2]
-        estimate = limits.friction_after(
-            last.tolist(), *motion.swapaxes(0, 1), self._params, self._period
+        new.get_mutable_discrete_state(0).set_value(
+            friction_after(
+                last.tolist(),
+                forces=motion[:, 0],
+                velocities=motion[:, 1],
+                params=self._params,
+                period=self._period,
+            )
         )
-        new.get_mutable_discrete_state(0).set_value(estimate)
-        return EventStatus.Succeeded()

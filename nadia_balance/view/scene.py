@@ -38,7 +38,7 @@ from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import FootPose
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.signals import connect
+from nadia_balance.systems.wiring import connect
 from nadia_balance.view.live_controls import LiveControls
 
 FRAMES_PER_SECOND = 32.0

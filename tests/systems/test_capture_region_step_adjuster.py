@@ -5,18 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.steps import capture_region
-from nadia_balance.core.steps import foothold_adjustment as footholds
-from nadia_balance.core.walking import state as walking
+from nadia_balance.core.steps.capture_region import (
+    CaptureRegionStepAdjusterParams,
+    SwingGeometry,
+)
+from nadia_balance.core.steps.foothold_adjustment import (
+    Landing,
+    capture_regions,
+    propose_adjustment,
+    touchdown_interval,
+    unadjusted,
+)
+from nadia_balance.core.walking.state import Adjustment, FootPose, WalkingState
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, standing, walk
 from tests.systems.test_icp_step_controller import IN_AIR, IN_PLACE, OUT
 
-PARAMS = capture_region.CaptureRegionStepAdjusterParams()
+PARAMS = CaptureRegionStepAdjusterParams()
 PERIOD = 0.002  # [s]
-NEAR = walking.FootPose([0.03, -0.15, 0.0])
+NEAR = FootPose([0.03, -0.15, 0.0])
 ADJUSTER = CaptureRegionStepAdjuster(PARAMS, MODEL, PERIOD)
 
 
@@ -29,9 +38,9 @@ def drawn(context):
 
 
 def landing(icp, gain=0.0, on=ALL):
-    geometry = capture_region.SwingGeometry(IN_PLACE, PARAMS, MODEL, on)
-    times = footholds.touchdown_interval(IN_AIR, gain, PARAMS)
-    return footholds.Landing(geometry, icp, times)
+    geometry = SwingGeometry(IN_PLACE, PARAMS, MODEL, on)
+    times = touchdown_interval(IN_AIR, gain, PARAMS)
+    return Landing(geometry, icp, times)
 
 
 def expected(icp=OUT, gain=0.0, on=ALL):
@@ -39,7 +48,7 @@ def expected(icp=OUT, gain=0.0, on=ALL):
 
 
 def proposed(case):
-    return footholds.propose_adjustment(IN_AIR, case, PARAMS, PERIOD)
+    return propose_adjustment(IN_AIR, case, PARAMS, PERIOD)
 
 
 @pytest.mark.parametrize("gain", [None, 0.15])
@@ -51,10 +60,11 @@ def test_proposes_and_draws_what_the_core_does(gain):
     context = asked(ADJUSTER, walking_state=IN_AIR, alip_icp=OUT)
     if gain is not None:
         fix(ADJUSTER, context, time_adjustment=[0.1, gain])
-    found, wanted = adjustment(context), expected(gain=gain or 0.0)
-    assert found == wanted and found.moved
+    proposal = expected(gain=gain or 0.0)
+    assert adjustment(context) == proposal
+    assert proposal.moved
     ours = drawn(context)
-    theirs = footholds.capture_regions(landing(OUT, gain or 0.0), wanted)
+    theirs = capture_regions(landing(OUT, gain or 0.0), proposal)
     for one, other in zip(ours.regions, theirs.regions, strict=True):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(ours.reach, theirs.reach)
@@ -64,13 +74,13 @@ def test_proposes_and_draws_what_the_core_does(gain):
 def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster():
     """Oracle: the core, with the place of the swing foot, or with none."""
     icp, feet = np.array([0.1, 0.6]), IN_PLACE.feet
-    wanted = proposed(replace(landing(icp), foot=feet.right.p_WF[:2]))
+    hurried = proposed(replace(landing(icp), foot=feet.right.p_WF[:2]))
     context = asked(
         ADJUSTER, walking_state=IN_AIR, alip_icp=icp, foot_poses=feet
     )
-    assert adjustment(context) == wanted
+    assert adjustment(context) == hurried
     unhurried = expected(icp)
-    assert (wanted.region, unhurried.region) == ("base", "forward")
+    assert (hurried.region, unhurried.region) == ("base", "forward")
     fix(ADJUSTER, context, mechanisms=replace(ALL, swing=False).as_vector())
     assert adjustment(context) == unhurried
 
@@ -83,9 +93,9 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off():
     context = asked(ADJUSTER, walking_state=IN_AIR, alip_icp=OUT)
     for on in True, False, True:
         fix(ADJUSTER, context, mechanisms=[on, 0, 0, 1])
-        assert ((found := adjustment(context)) is not NOTHING) is on
-    assert found == expected()
-    before = walking.Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
+        assert (adjustment(context) is not NOTHING) is on
+    assert adjustment(context) == expected()
+    before = Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
     state = replace(IN_AIR, adjustment=before)
     fix(ADJUSTER, context, mechanisms=[0, 0, 0, 0], walking_state=state)
     off = drawn(context)
@@ -103,8 +113,9 @@ def test_proposes_nothing_and_draws_what_stays_while_it_is_off():
 def test_outside_of_a_swing_nothing_is_adjusted_or_drawn(schedule):
     """Oracle: unadjusted(), and no regions; no foothold is needed."""
     context = asked(
-        ADJUSTER, walking_state=walking.WalkingState(schedule), alip_icp=OUT
+        ADJUSTER, walking_state=WalkingState(schedule), alip_icp=OUT
     )
-    assert adjustment(context) == footholds.unadjusted(schedule)
-    found = drawn(context)
-    assert (found.regions, found.nominal, found.adjusted) == ((), None, None)
+    assert adjustment(context) == unadjusted(schedule)
+    drawing = drawn(context)
+    assert drawing.regions == ()
+    assert drawing.nominal is drawing.adjusted is None

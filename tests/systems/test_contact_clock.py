@@ -17,13 +17,13 @@ BOTH, LEFT, RIGHT, AIR = (50.0, 50.0), (99.0, 1.0), (1.0, 99.0), (0.0, 0.0)
 
 def states(forces, period=PERIOD, weight=WEIGHT) -> list:
     """The walking states after ticks with these forces on the feet (n, 2)."""
-    clock, found = ContactClock(weight, period), []
+    clock, walking_states = ContactClock(weight, period), []
     simulator, context = running(clock)
     for k, force in enumerate(forces):
         fix(clock, context, foot_forces=force)
         simulator.AdvanceTo((k + 0.5) * period)
-        found.append(answer(clock, context, "walking_state"))
-    return found
+        walking_states.append(answer(clock, context, "walking_state"))
+    return walking_states
 
 
 def test_knows_a_phase_when_it_comes_again():
@@ -34,8 +34,8 @@ def test_knows_a_phase_when_it_comes_again():
     stride = [LEFT] * 40 + [BOTH] * 10 + [RIGHT] * 50 + [BOTH] * 20
     first = [AIR] + [BOTH] * 70 + stride
     bounced = [*stride[:40], BOTH, LEFT, AIR, *stride[43:50]]
-    found = states([*first, *bounced, *stride[50:]])
-    standing = found[: len(first)]
+    walking_states = states([*first, *bounced, *stride[50:]])
+    standing = walking_states[: len(first)]
     assert {s.schedule.phase for s in standing[:-1]} == {Phase.STANDING}
     at = len(first)
     for phase, swing, ticks, steps in (
@@ -45,7 +45,8 @@ def test_knows_a_phase_when_it_comes_again():
         (Phase.TRANSFER, Side.RIGHT, 20, 4),
     ):
         for k in range(ticks):
-            state, schedule = found[at + k], found[at + k].schedule
+            state = walking_states[at + k]
+            schedule = state.schedule
             assert (schedule.phase, state.steps_taken) == (phase, steps)
             assert schedule.support_side.other is swing
             assert schedule.duration == pytest.approx(ticks * PERIOD)
@@ -59,9 +60,9 @@ def test_means_by_25_percent_what_the_walking_state_machine_means():
     The third swing is the first one that is known: of the first one's side.
     """
     logs = simulated(WALK).logs
-    found = states(logs["foot_forces"], 0.004, float(logs["weight"]))
+    walking_states = states(logs["foot_forces"], 0.004, float(logs["weight"]))
     *_, swing = (s for s in phase_spans(logs) if s.phase is Phase.SWING)
     push = Push(force=1.0, at=f"{swing.swing_side.value} swing 25 %")
-    due = [push.is_due(0.0, state, 0.004) for state in found]
-    wanted = swing.start + 0.25 * (swing.end - swing.start)
-    assert logs["t"][np.argmax(due)] == pytest.approx(wanted, abs=0.025)
+    due = [push.is_due(0.0, state, 0.004) for state in walking_states]
+    planned = swing.start + 0.25 * (swing.end - swing.start)
+    assert logs["t"][np.argmax(due)] == pytest.approx(planned, abs=0.025)

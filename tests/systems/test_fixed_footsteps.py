@@ -8,9 +8,8 @@ from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
 from nadia_balance.core.plan.gait import Gait, walking_start, within_reach
 from nadia_balance.core.walking.state import FootPose, Phase, Side
 from nadia_balance.systems.plan import FixedFootsteps, FootstepPlanner
-from tests import example_walks as walks
 from tests.blocks import answer, asked
-from tests.example_walks import FEET, MODEL
+from tests.example_walks import FEET, MODEL, planned, standing
 
 PERIOD = 0.004  # [s]
 PARAMS = FootstepPlannerParams()
@@ -26,7 +25,7 @@ def footsteps(state, feet=FEET, block=FixedFootsteps, **more):
         walking_state=state,
         velocity_command=np.zeros(3),
         alip_icp=np.zeros(2),
-        icp_plan=walks.planned(walks.standing()),
+        icp_plan=planned(standing()),
         foot_poses=feet,
     )
     revised = answer(planner, context, "revised_footsteps")
@@ -37,8 +36,8 @@ def test_waits_until_the_time_to_stand_is_over():
     """Oracle: 0.5 s, to the tick that ends them."""
     for time, expected in ((0.0, ()), (0.49, ()), (0.496, STEPS)):
         state = replace(START, time_in_phase=time)
-        found, revised = footsteps(state, footsteps=STEPS)
-        assert found == expected
+        steps, revised = footsteps(state, footsteps=STEPS)
+        assert steps == expected
         assert not revised
 
 
@@ -49,16 +48,16 @@ def test_the_rest_of_the_list_is_within_reach_of_where_the_foot_landed():
     )
     far = FEET.with_foot(Side.RIGHT, FootPose([1.2, -0.5, 0.0]))
     state = replace(START, schedule=schedule, time_in_phase=0.6)
-    found, revised = footsteps(state, far, footsteps=STEPS)
+    steps, revised = footsteps(state, far, footsteps=STEPS)
     expected = within_reach(STEPS[1:], far, MODEL.reach, STEPS[0], None)
-    assert found == expected and found != STEPS[1:]
+    assert steps == expected and steps != STEPS[1:]
     assert not revised
 
 
 def test_after_its_list_it_plans_as_the_planner():
     """Oracle: a FootstepPlanner; the feet are 0.3 m from side by side."""
     split = FEET.with_foot(Side.LEFT, FootPose([0.3, 0.125, 0.0]))
-    state = replace(START, schedule=walks.standing(split), steps_taken=3)
-    found, _ = footsteps(state, split, footsteps=STEPS)
+    state = replace(START, schedule=standing(split), steps_taken=3)
+    steps, _ = footsteps(state, split, footsteps=STEPS)
     expected, _ = footsteps(state, split, FootstepPlanner)
-    assert found == expected and len(found) == 1
+    assert steps == expected and len(steps) == 1

@@ -53,9 +53,9 @@ def recorded(left, right, period=0.002, **noise) -> np.ndarray:
 
 def test_a_foot_on_the_other_foot_is_not_on_the_ground():
     """Oracle: the lower one carries both weights."""
-    found = recorded(ON_RIGHT_FOOT, ON_GROUND_RIGHT)[-1]
-    assert found[0] == 0.0
-    assert found[1] == pytest.approx(WEIGHT_LEFT + WEIGHT_RIGHT, rel=1e-2)
+    forces = recorded(ON_RIGHT_FOOT, ON_GROUND_RIGHT)[-1]
+    assert forces[0] == 0.0
+    assert forces[1] == pytest.approx(WEIGHT_LEFT + WEIGHT_RIGHT, rel=1e-2)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.004])
@@ -75,14 +75,14 @@ def test_no_impact_is_missed(period):
 def test_noise_is_a_share_of_the_load_and_the_offset_stays():
     """Oracle: moments, of 150 ticks at rest; equal seeds, equal bits."""
     sensors = SensorParams(load_noise=0.05, load_bias=0.02)
-    feet = ON_GROUND_LEFT, ON_GROUND_RIGHT
-    loads = recorded(*feet, sensors=sensors)[150:]
+    loads = recorded(ON_GROUND_LEFT, ON_GROUND_RIGHT, sensors=sensors)[150:]
     weights = np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
     noise = loads.std(axis=0) / weights
     assert noise == pytest.approx([0.05, 0.05], rel=4.0 / 300**0.5)
     offset = np.abs(loads.mean(axis=0) - weights)
     assert np.all(offset < 4.0 * 0.02 * (WEIGHT_LEFT + WEIGHT_RIGHT))
-    assert np.array_equal(loads, recorded(*feet, sensors=sensors)[150:])
+    again = recorded(ON_GROUND_LEFT, ON_GROUND_RIGHT, sensors=sensors)[150:]
+    assert np.array_equal(loads, again)
 
 
 @pytest.mark.parametrize(("period", "step"), [(0.0015, 0.001), (0.002, 0.0)])

@@ -13,9 +13,8 @@ from nadia_balance.core.steps.capture_region import (
 )
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.plan import FootstepPlanner
-from tests import example_walks as walks
 from tests.blocks import answer, fix, running, tick
-from tests.example_walks import ALL, FEET, MODEL
+from tests.example_walks import ALL, FEET, MODEL, planned, standing, swing
 
 PERIOD = 0.004  # [s]
 PARAMS = FootstepPlannerParams()
@@ -24,12 +23,12 @@ PLAN = FootstepPlan(PARAMS, MODEL, CaptureRegionStepAdjusterParams())
 
 def inputs(**changes):
     """A robot that stands, at rest."""
-    schedule = walks.standing()
+    schedule = standing()
     return {
         "walking_state": WalkingState(schedule),
         "velocity_command": np.zeros(3),
         "alip_icp": np.zeros(2),
-        "icp_plan": walks.planned(schedule),
+        "icp_plan": planned(schedule),
         "foot_poses": FEET,
     } | changes
 
@@ -39,44 +38,44 @@ def inputs(**changes):
 def test_plans_what_the_core_says_for_a_speed_that_follows(icp, forward):
     """Oracle: the core function; v + a t, by hand, after 50 ticks."""
     command, icp = np.array([forward, 0.0, 0.0]), np.array(icp)
-    told = inputs(velocity_command=command, alip_icp=icp)
+    values = inputs(velocity_command=command, alip_icp=icp)
     planner = FootstepPlanner(PARAMS, MODEL, PERIOD)
-    simulator, context = running(planner, **told)
+    simulator, context = running(planner, **values)
     for ticks in 0, 50:
         simulator.AdvanceTo(ticks * PERIOD - 1e-6 if ticks else 0.0)
         speed = min(forward, ticks * PERIOD * PARAMS.acceleration)
-        state = told["walking_state"]
+        state = values["walking_state"]
         velocity = np.array([speed, 0.0, 0.0])
         expected = PLAN.footsteps(
             state, velocity, command, icp, np.zeros(2), FEET, ALL
         )
-        found = answer(planner, context, "footsteps")
-        assert [step.side for step in found] == [s.side for s in expected]
-        for one, two in zip(found, expected, strict=True):
+        steps = answer(planner, context, "footsteps")
+        assert [step.side for step in steps] == [s.side for s in expected]
+        for one, two in zip(steps, expected, strict=True):
             assert one.pose.p_WF == pytest.approx(two.pose.p_WF)
 
 
 def test_a_command_beyond_the_limits_is_clipped():
     """Oracle: the limit of the core, reached at the acceleration."""
-    most = velocity_limits(PARAMS, MODEL)[1]
-    told = inputs(velocity_command=np.array([9.0, 0.0, 0.0]))
+    fastest = velocity_limits(PARAMS, MODEL)[1]
+    values = inputs(velocity_command=np.array([9.0, 0.0, 0.0]))
     planner = FootstepPlanner(PARAMS, MODEL, PERIOD)
-    simulator, context = running(planner, **told)
+    simulator, context = running(planner, **values)
     simulator.AdvanceTo(5.0)
     (state,) = [context.get_discrete_state(0).value()]
-    assert state.tolist() == pytest.approx([most[0], 0.0, 0.0])
+    assert state.tolist() == pytest.approx([fastest[0], 0.0, 0.0])
 
 
 def test_follows_a_new_command_in_the_air_and_leaves_an_old_one():
     """Oracle: the core function; None while speed and command agree."""
-    swings = WalkingState(walks.swing(length=0.21), 0.1, 0.1)
-    told = inputs(
+    swings = WalkingState(swing(length=0.21), 0.1, 0.1)
+    values = inputs(
         walking_state=swings,
-        icp_plan=walks.planned(swings.schedule),
+        icp_plan=planned(swings.schedule),
         velocity_command=np.array([0.3, 0.0, 0.0]),
     )
     planner = FootstepPlanner(PARAMS, MODEL, PERIOD)
-    simulator, context = running(planner, **told)
+    simulator, context = running(planner, **values)
     simulator.AdvanceTo(1.0)
     assert not answer(planner, context, "revised_footsteps")
     fix(planner, context, velocity_command=np.zeros(3))
@@ -86,9 +85,9 @@ def test_follows_a_new_command_in_the_air_and_leaves_an_old_one():
 
 def test_a_command_that_is_not_finite_is_refused_by_port_and_time():
     """Oracle: by hand."""
-    told = inputs(velocity_command=np.array([0.1, np.nan, 0.0]))
+    values = inputs(velocity_command=np.array([0.1, np.nan, 0.0]))
     planner = FootstepPlanner(PARAMS, MODEL, PERIOD)
-    simulator, context = running(planner, **told)
+    simulator, context = running(planner, **values)
     message = "input port 'velocity_command' is not finite at 0.000 s"
     with pytest.raises(RuntimeError, match=message):
         tick(simulator, PERIOD)

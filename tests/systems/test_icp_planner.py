@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.plan import atlas_icp_plan as atlas
-from nadia_balance.core.plan import icp_plan as nadia
+from nadia_balance.core.plan.atlas_icp_plan import (
+    AtlasIcpPlanParams,
+    plan_atlas_icp,
+)
+from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
+from nadia_balance.core.plan.icp_plan import plan_icp, reference_of
 from nadia_balance.core.walking.state import Phase, WalkingState
 from nadia_balance.systems.plan import IcpPlanner
 from nadia_balance.systems.signals import IcpReference
@@ -35,10 +39,7 @@ def assert_tells(system, context, expected):
 
 @pytest.mark.parametrize(
     ("params", "by_core"),
-    [
-        (nadia.IcpPlanParams(), nadia.plan_icp),
-        (atlas.AtlasIcpPlanParams(), atlas.plan_atlas_icp),
-    ],
+    [(IcpPlanParams(), plan_icp), (AtlasIcpPlanParams(), plan_atlas_icp)],
 )
 def test_outputs_are_those_of_the_core(params, by_core):
     """Oracle: the plan of either paper, and reference_of()."""
@@ -46,8 +47,10 @@ def test_outputs_are_those_of_the_core(params, by_core):
     for state in states():
         context = asked(planner, walking_state=state)
         expected = by_core(state.schedule, params, MODEL)
-        found = answer(planner, context, "icp_plan")
-        np.testing.assert_array_equal(found.coefficients, expected.coefficients)
-        assert_tells(planner, context, nadia.reference_of(expected, state))
+        planned = answer(planner, context, "icp_plan")
+        np.testing.assert_array_equal(
+            planned.coefficients, expected.coefficients
+        )
+        assert_tells(planner, context, reference_of(expected, state))
     alone = IcpPlanner(params, MODEL, PERIOD, has_reference=False)
     assert not alone.HasOutputPort("icp_reference")

@@ -41,10 +41,10 @@ def test_its_outputs_are_those_of_the_core_at_t_plus(gain, later):
     """Oracle: IcpStepControl.feedback() with the clock advanced."""
     context = asked(CONTROLLER, time_adjustment=[gain, 0.5], **inputs())
     expected = expected_of(replace(IN_AIR, time_in_phase=later))
-    found = answer(CONTROLLER, context, "adjustment")
-    assert found.nominal is IN_PLACE.footsteps[0]
-    assert found.pose is not found.nominal.pose
-    assert np.array_equal(found.pose.p_WF, expected.adjustment.pose.p_WF)
+    proposed = answer(CONTROLLER, context, "adjustment")
+    assert proposed.nominal is IN_PLACE.footsteps[0]
+    assert proposed.pose is not proposed.nominal.pose
+    assert np.array_equal(proposed.pose.p_WF, expected.adjustment.pose.p_WF)
     ecmp = EcmpCommand(answer(CONTROLLER, context, "ecmp_command"))
     assert ecmp.ecmp.tolist() == ecmp.cop.tolist() == expected.ecmp.tolist()
     assert_tells(CONTROLLER, context, expected.reference)
@@ -53,15 +53,15 @@ def test_its_outputs_are_those_of_the_core_at_t_plus(gain, later):
 def test_can_be_switched_off_and_on():
     """Oracle: off, it proposes None, and the foothold stays."""
     context = asked(CONTROLLER, mechanisms=[1, 0, 0, 0], **inputs())
-    found = answer(CONTROLLER, context, "adjustment")
+    proposed = answer(CONTROLLER, context, "adjustment")
     first, *rest = IN_PLACE.footsteps
-    steps = replace(first, pose=found.pose), *rest
+    steps = replace(first, pose=proposed.pose), *rest
     moved = replace(IN_PLACE, footsteps=steps)
-    state = replace(IN_AIR, schedule=moved, adjustment=found)
+    state = replace(IN_AIR, schedule=moved, adjustment=proposed)
     fix(CONTROLLER, context, mechanisms=[0, 0, 0, 0], **inputs(state))
     assert answer(CONTROLLER, context, "adjustment") is NOTHING
     drawn = answer(CONTROLLER, context, "capture_regions")
-    assert drawn.adjusted is found.pose
+    assert drawn.adjusted is proposed.pose
     fix(CONTROLLER, context, mechanisms=[1, 0, 0, 0], **inputs())
     again = answer(CONTROLLER, context, "adjustment")
-    np.testing.assert_array_equal(again.pose.p_WF, found.pose.p_WF)
+    np.testing.assert_array_equal(again.pose.p_WF, proposed.pose.p_WF)

@@ -11,7 +11,9 @@ from tests import blocks
 from tests.whole_body_examples import nadia, standing_state
 
 PERIOD, NQ = 0.004, 30
-PLACE = {"imu_position": [0.2, 0.1, -0.05], "imu_rpy_deg": [90.0, 0.0, 0.0]}
+PLACED = SensorParams(
+    imu_position=[0.2, 0.1, -0.05], imu_rpy_deg=[90.0, 0.0, 0.0]
+)
 NOISE = SensorParams(
     gyro_noise=1e-3, gyro_bias=0.1, force_noise=0.02, force_bias=0.3
 )
@@ -36,11 +38,11 @@ def carousel(rate, t):
 def test_rides_on_a_carousel():
     """Oracle: gravity up, w^2 r inwards; y of the IMU is z of the pelvis."""
     states = [carousel(1.5, i * PERIOD) for i in range(4)]
-    _, *found = told(SensorParams(**PLACE), states)
+    _, *measured = told(PLACED, states)
     # The mean of what turns by 6 mrad: its length, by half of that squared / 6.
     inwards = -(1.5**2) * np.array([0.2, 0.1])
     expected = [0.0, 1.5, 0.0, inwards[0], 9.81, -inwards[1], 0.0, 1.5, 0.0]
-    for imu in found:
+    for imu in measured:
         assert imu == pytest.approx(expected, abs=1e-5)
 
 
@@ -55,13 +57,13 @@ def test_an_impact_is_in_the_mean():
 
 def test_noise_is_of_its_density_and_the_bias_stays():
     """Oracle: N / sqrt(T); a bias that all samples of a seed share."""
-    found = told(NOISE, [standing_state()] * 1000) - np.eye(9)[5] * 9.81
+    measured = told(NOISE, [standing_state()] * 1000) - np.eye(9)[5] * 9.81
     again = told(NOISE, [standing_state()] * 3) - np.eye(9)[5] * 9.81
-    assert np.array_equal(found[:3], again)
+    assert np.array_equal(measured[:3], again)
     root, short = PERIOD**-0.5, SAMPLE**-0.5
     deviation = np.repeat([1e-3 * root, 0.02 * root, 1e-3 * short], 3)
-    assert found.std(axis=0) == pytest.approx(deviation, rel=4.0 / 2000**0.5)
-    bias = found.mean(axis=0)
+    assert measured.std(axis=0) == pytest.approx(deviation, rel=4.0 / 2000**0.5)
+    bias = measured.mean(axis=0)
     assert bias[:3] == pytest.approx(bias[6:], abs=0.006)
     assert 0.02 < np.max(np.abs(bias[:3])) < 0.4
 
@@ -69,8 +71,8 @@ def test_noise_is_of_its_density_and_the_bias_stays():
 def test_tells_no_more_than_its_range():
     """Oracle: the range."""
     sensors = SensorParams(gyro_range=1.0, force_range=5.0)
-    found = told(sensors, [carousel(1.5, i * PERIOD) for i in range(2)])[1]
-    assert found == pytest.approx([0, 0, 1, 0, 0, 5, 0, 0, 1], abs=1e-9)
+    measured = told(sensors, [carousel(1.5, i * PERIOD) for i in range(2)])[1]
+    assert measured == pytest.approx([0, 0, 1, 0, 0, 5, 0, 0, 1], abs=1e-9)
 
 
 def test_refuses_a_body_that_the_robot_lacks():

@@ -15,22 +15,23 @@ LIMITS = PLANT.GetEffortUpperLimits()
 def torques(commanded: np.ndarray, state: np.ndarray):
     """What is there 0.1 s after a command, from nothing."""
     system = JointDrives(PLANT, nadia())
-    inputs = {"actuation": commanded, "state": state}
-    simulator, context = running(system, **inputs)
+    simulator, context = running(system, actuation=commanded, state=state)
     simulator.AdvanceTo(0.1)
     return answer(system, context, "torques")
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-@pytest.mark.parametrize(("speed", "most"), [(6.0, 1.0), (9.0, 0.5), (15.0, 0)])
-def test_what_drives_a_joint_fades_with_its_speed(speed, most, way):
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("speed", "share"), [(6.0, 1.0), (9.0, 0.5), (15.0, 0)]
+)
+def test_what_drives_a_joint_fades_with_its_speed(speed, share, sign):
     """Oracle: the line; the other joints, and what brakes, have it all."""
     knee = PLANT.GetJointActuatorByName("LEFT_KNEE_Y")
     state, drives = standing_state(), LIMITS.copy()
     velocity = PLANT.num_positions() + knee.joint().velocity_start()
-    state[velocity] = way * speed
-    drives[PLANT.GetActuatorNames().index("nadia_LEFT_KNEE_Y")] *= most
-    found = torques(2.0 * way * LIMITS, state)
-    assert found == pytest.approx(way * drives)
-    found = torques(-2.0 * way * LIMITS, state)
-    assert found == pytest.approx(-way * LIMITS)
+    state[velocity] = sign * speed
+    drives[PLANT.GetActuatorNames().index("nadia_LEFT_KNEE_Y")] *= share
+    reached = torques(2.0 * sign * LIMITS, state)
+    assert reached == pytest.approx(sign * drives)
+    reached = torques(-2.0 * sign * LIMITS, state)
+    assert reached == pytest.approx(-sign * LIMITS)

@@ -18,7 +18,7 @@ class Sink(LeafSystem):
         self.set_name("my_sink")
         self.pose = ports.Input(self, "pose", FootPose)
         self.pair = ports.Input(self, "pair", 2)
-        (self.mechanisms,) = ports.inputs(self, "mechanisms")
+        self.mechanisms = ports.optional_input(self, "mechanisms")
         self.DeclareVectorOutputPort(
             output,
             2,

@@ -11,36 +11,41 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from nadia_balance.core.walking import state as walk
 from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.state import (
+    FootPose,
+    FootPoses,
+    Phase,
+    Side,
+    WalkingState,
+)
 from nadia_balance.systems.push_source import PushSource
-from nadia_balance.systems.signals import PushSignal, connect
+from nadia_balance.systems.signals import PushSignal
+from nadia_balance.systems.wiring import connect
 from tests.blocks import answer, fix, running
 from tests.example_walks import standing
 
 PERIOD = 0.002
 MASS = 90.0
 YAW = 0.6
-FEET = walk.FootPoses(
-    *(walk.FootPose([0.0, 0.125 * a, 0.0], a * YAW) for a in (1, -1))
-)
-RIGHT_SWING = walk.WalkingState(
-    replace(standing(FEET), phase=walk.Phase.SWING, duration=0.7)
+FEET = FootPoses(*(FootPose([0.0, 0.125 * a, 0.0], a * YAW) for a in (1, -1)))
+RIGHT_SWING = WalkingState(
+    replace(standing(FEET), phase=Phase.SWING, duration=0.7)
 )
 P_BoBcm_B = np.array([0.1, -0.2, 0.3])
 
 
 def run(pushes, ticks, state_at=lambda t: RIGHT_SWING, live_at=None):
     """The force that acts after each tick (ticks, 3) [N]."""
-    source, found = PushSource(pushes, MASS, PERIOD), []
+    source, forces = PushSource(pushes, MASS, PERIOD), []
     simulator, context = running(source)
     for k in range(ticks):
         fix(source, context, walking_state=state_at(k * PERIOD))
         if live_at is not None:
             fix(source, context, live_push=[*live_at(k), 0.1])
         simulator.AdvanceTo((k + 0.5) * PERIOD)
-        found.append(answer(source, context, "push_force"))
-    return np.array(found)
+        forces.append(answer(source, context, "push_force"))
+    return np.array(forces)
 
 
 def active(forces) -> list[int]:
@@ -59,21 +64,21 @@ def free_body() -> MultibodyPlant:
 
 
 @functools.cache
-def steps(skips=()) -> list[walk.WalkingState]:
+def steps(skips=()) -> list[WalkingState]:
     """Ticks of a right swing, a transfer to the right foot, a left swing, ...
 
     The clock leaves out the times of the phase [s] that are in `skips`.
     """
-    swing, found = RIGHT_SWING.schedule, []
-    shift = replace(swing, phase=walk.Phase.TRANSFER, duration=0.3)
-    left, right = ({"support_side": side} for side in walk.Side)
+    swing, states = RIGHT_SWING.schedule, []
+    shift = replace(swing, phase=Phase.TRANSFER, duration=0.3)
+    left, right = ({"support_side": side} for side in Side)
     phases = (swing, left), (shift, right), (swing, right), (shift, left)
     for phase, support in 4 * phases:
         in_phase, duration = replace(phase, **support), phase.duration
         for time in PERIOD * np.arange(round(duration / PERIOD)):
             if not any(first <= time < last for first, last in skips):
-                found.append(walk.WalkingState(in_phase, float(time)))
-    return found
+                states.append(WalkingState(in_phase, float(time)))
+    return states
 
 
 def walking(*skips):
@@ -153,8 +158,9 @@ def pushed_body(pushes, time, live=(0.0, 0.0, 0.0, 0.1)):
     connect(builder, source, plant, spatial_forces="applied_spatial_force")
     for name in "walking_state", "live_push":
         builder.ExportInput(source.GetInputPort(name), name)
-    inputs = {"walking_state": RIGHT_SWING, "live_push": live}
-    simulator, root = running(builder.Build(), **inputs)
+    simulator, root = running(
+        builder.Build(), walking_state=RIGHT_SWING, live_push=live
+    )
     simulator.AdvanceTo(time)
     return plant, plant.GetMyContextFromRoot(root)
 
@@ -220,8 +226,9 @@ def test_the_signal_says_which_push_acts_and_how_many_are_to_come():
 def test_a_live_push_that_is_not_finite_is_an_error_that_tells_when(entry):
     """Oracle: by hand; one tick before it, all is well."""
     source, live = PushSource([], MASS, PERIOD), [1.0, 0.3, 90.0, 0.1]
-    inputs = {"walking_state": RIGHT_SWING, "live_push": live}
-    simulator, context = running(source, **inputs)
+    simulator, context = running(
+        source, walking_state=RIGHT_SWING, live_push=live
+    )
     simulator.AdvanceTo(9.5 * PERIOD)
     live[entry] = math.nan
     fix(source, context, live_push=live)

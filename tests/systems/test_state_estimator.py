@@ -12,10 +12,20 @@ from nadia_balance.diagrams.simulation import closed_loop, simulate
 from nadia_balance.results.estimation import lost_at, measure_estimate, nees
 from nadia_balance.systems.estimation import START, StateEstimator
 from tests import run_cache
-from tests import whole_body_examples as examples
 from tests.blocks import answer, asked, fix
-from tests.diagrams import simulated as runs
-from tests.whole_body_examples import nadia, standing_positions
+from tests.diagrams.simulated import (
+    EARLY,
+    all_of,
+    diagram_of,
+    scenario_of,
+    simulated,
+)
+from tests.whole_body_examples import (
+    context_at,
+    kinematics,
+    nadia,
+    standing_positions,
+)
 
 PERIOD, NJ = 0.004, 23
 TORSO = SensorParams(
@@ -35,14 +45,14 @@ def test_the_pelvis_moves_as_an_imu_on_the_torso_says():
     context = asked(
         block, imu=imu, joints=joints, foot_forces=np.array([450.0, 450.0])
     )
-    found = answer(block, context, "estimated_state")
-    assert found[:30] == pytest.approx(q, abs=1e-12)
-    plant, own = examples.kinematics().plant, examples.context_at(found)
+    estimated_state = answer(block, context, "estimated_state")
+    assert estimated_state[:30] == pytest.approx(q, abs=1e-12)
+    plant, context = kinematics().plant, context_at(estimated_state)
     body = plant.GetBodyByName("TORSO_LINK")
     turn = RollPitchYaw(np.radians(TORSO.imu_rpy_deg))
     X_BI = RigidTransform(turn, TORSO.imu_position)
-    X_WB = plant.EvalBodyPoseInWorld(own, body)
-    V = plant.EvalBodySpatialVelocityInWorld(own, body)
+    X_WB = plant.EvalBodyPoseInWorld(context, body)
+    V = plant.EvalBodySpatialVelocityInWorld(context, body)
     V = V.Shift(X_WB.rotation() @ X_BI.translation())
     assert V.translational() == pytest.approx(np.zeros(3), abs=1e-12)
     R_IW = (X_WB @ X_BI).rotation().inverse()
@@ -56,28 +66,28 @@ def test_a_gyro_far_from_the_pelvis_adds_its_errors_to_the_velocity():
     rng, noise, bias = np.random.default_rng(5), 1e-4, 3e-3
     rate = {"joints": np.zeros(2 * NJ), "foot_forces": np.full(2, 450.0)}
     rate["joints"][:NJ] = standing_positions()[7:]
-    told, velocities = [], []
+    covariances, velocities = [], []
     for errors in ({}, {"gyro_noise": noise, "gyro_bias": bias}):
         sensors = replace(TORSO, **errors)
         block = StateEstimator(nadia(), sensors, PERIOD, standing_positions())
         context = asked(block, imu=np.zeros(9), **rate)
-        told.append(answer(block, context, "estimate_covariance"))
+        covariances.append(answer(block, context, "estimate_covariance"))
     for wrong in rng.normal(0.0, np.hypot(noise / 0.001**0.5, bias), (1000, 3)):
         fix(block, context, imu=np.append(np.zeros(6), wrong))
         velocities.append(answer(block, context, "estimated_state")[-NJ - 3 :])
-    found = np.cov(np.array(velocities)[:, :3], rowvar=False)
-    more = (told[1] - told[0]).reshape(9, 9)[3:6, 3:6]
-    assert np.abs(found - more).max() < 0.1 * np.linalg.norm(more, 2)
+    spread = np.cov(np.array(velocities)[:, :3], rowvar=False)
+    more = (covariances[1] - covariances[0]).reshape(9, 9)[3:6, 3:6]
+    assert np.abs(spread - more).max() < 0.1 * np.linalg.norm(more, 2)
 
 
 def test_the_robot_is_told_where_it_stands_not_quite():
     """Oracle: moments of 200 seeds; joints are as they were."""
     q = standing_positions()
-    told = np.array([StateEstimator.told(q, seed) for seed in range(200)])
-    assert np.array_equal(told[:, 7:], np.tile(q[7:], (200, 1)))
+    positions = np.array([StateEstimator.told(q, seed) for seed in range(200)])
+    assert np.array_equal(positions[:, 7:], np.tile(q[7:], (200, 1)))
     for error, size in (
-        (2.0 * told[:, 1:4], START[0]),
-        (told[:, 4:7] - q[4:7], START[2]),
+        (2.0 * positions[:, 1:4], START[0]),
+        (positions[:, 4:7] - q[4:7], START[2]),
     ):
         deviation = error.std(axis=0)
         assert deviation == pytest.approx(size, rel=4.0 / 400**0.5)
@@ -93,8 +103,8 @@ def test_the_robot_is_told_where_it_stands_not_quite():
 )
 def test_walks_by_its_sensors(engine, estimator, velocity):
     """Oracle: the plant's state: velocity, tilt, place, and 3 deviations."""
-    run = runs.simulated(
-        f"{{duration: 2.4, {runs.EARLY % 'num_steps: 2'}, sensors: consumer, "
+    run = simulated(
+        f"{{duration: 2.4, {EARLY % 'num_steps: 2'}, sensors: consumer, "
         f"seed: 3, engine: {engine}, estimator: {estimator}}}"
     )
     assert not run.error
@@ -112,11 +122,11 @@ class Misled(StateEstimator):
 
     def __init__(self, robot, *args):
         super().__init__(robot, *args)
-        told, weight = self._forces, robot.mass * 9.81
+        read_forces, weight = self._forces, robot.mass * 9.81
 
         def forces(context):
             rng = np.random.default_rng(round(context.get_time() / PERIOD))
-            loads, wrong = told(context), rng.random(2) < 0.05
+            loads, wrong = read_forces(context), rng.random(2) < 0.05
             other = np.where(loads > 0.3 * weight, 0.0, 0.6 * weight)
             return np.where(wrong, other, loads)
 
@@ -129,9 +139,9 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
 
     Friction 0.4, and soles slip; feet that swing are loaded for the filter.
     """
-    scenario = runs.scenario_of(
+    scenario = scenario_of(
         "{mechanisms: all_with_cross_over, duration: 3.5, sensors: consumer, "
-        f"{runs.EARLY % 'num_steps: 4'}, imperfections: {{friction_ratio: "
+        f"{EARLY % 'num_steps: 4'}, imperfections: {{friction_ratio: "
         f"0.5}}, pushes: [{{delta_v: {delta_v}, at: right swing 25 %, "
         f"direction_deg: {direction}}}]}}"
     )
@@ -141,7 +151,7 @@ def test_recovers_with_wrong_contacts_on_slippery_ground(direction, delta_v):
             patch.setattr(humanoid, "StateEstimator", Misled)
             return simulate(closed_loop(scenario), scenario.duration)
 
-    run = run_cache.once(__name__, runs.all_of(scenario, "humanoid"), misled)
+    run = run_cache.once(__name__, all_of(scenario, "humanoid"), misled)
     assert not run.error
     assert run.fell_at is None
     found = measure_estimate(run.logs)
@@ -158,11 +168,12 @@ def test_a_saturated_imu_is_an_error_that_tells_when():
     sensors = SensorParams(gyro_range=5.0, force_range=20.0)
     block = StateEstimator(nadia(), sensors, PERIOD, q)
     joints = np.concatenate((q[7:], np.zeros(NJ)))
-    inputs = {"joints": joints, "foot_forces": np.array([450.0, 450.0])}
     for entry, limit in ((2, -5.0), (4, 20.0), (8, 5.0)):
         imu = np.zeros(9)
         imu[entry] = 0.999 * limit
-        context = asked(block, imu=imu, **inputs)
+        context = asked(
+            block, imu=imu, joints=joints, foot_forces=np.full(2, 450.0)
+        )
         context.SetTime(1.2)
         answer(block, context, "estimated_state")
         imu[entry] = limit
@@ -176,7 +187,7 @@ def test_a_run_ends_when_the_estimator_is_lost(monkeypatch):
     """Oracle: by hand: told a place 0.1 m off, 20 deviations, at once."""
     step = np.eye(30)[4] * 0.1
     monkeypatch.setattr(StateEstimator, "told", lambda q, _: q + step)
-    run = simulate(runs.diagram_of("{sensors: consumer}"), 1.0)
+    run = simulate(diagram_of("{sensors: consumer}"), 1.0)
     assert run.simulated_time == pytest.approx(0.2, abs=PERIOD)
     assert lost_at(run.logs) == pytest.approx(0.2)
     assert (run.error, run.fell_at) == ("", None)

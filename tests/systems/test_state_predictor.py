@@ -33,29 +33,31 @@ def predicted(fidelity, v, acceleration, ticks):
     )
     for _ in range(ticks):
         tick(simulator, PERIOD)
-    found = answer(predictor, context, "predicted_state")
-    return found[:NQ] - state[:NQ], found[NQ:] - state[NQ:]
+    later = answer(predictor, context, "predicted_state")
+    return later[:NQ] - state[:NQ], later[NQ:] - state[NQ:]
 
 
 @pytest.mark.parametrize("ticks", [0, 2, 5, 50])
 def test_joints_go_on_as_commanded(ticks):
     """Oracle: v0 + a t, and its integral, of what was commanded by now."""
-    way, gain = predicted("ideal", 0.3, 4.0, ticks)
+    displacement, gain = predicted("ideal", 0.3, 4.0, ticks)
     t = min(ticks * PERIOD, DELAY)
     assert gain == pytest.approx(np.full(gain.size, 4.0 * t))
     expected = 0.3 * DELAY + 2.0 * t * t
-    assert way[7:] == pytest.approx(np.full(NQ - 7, expected))
+    assert displacement[7:] == pytest.approx(np.full(NQ - 7, expected))
 
 
 def test_drives_are_late():
     """Oracle: the integrals of 1 - exp(-t / T), in closed form."""
-    way, gain = predicted("realistic", 0.0, 4.0, TICKS)
+    displacement, gain = predicted("realistic", 0.0, 4.0, TICKS)
     lag = NADIA["realistic"].drives.lag
     late = lag * (1.0 - math.exp(-DELAY / lag))
     assert gain == pytest.approx(np.full(gain.size, 4.0 * (DELAY - late)))
     # The acceleration counts as constant in a period.
     expected = 4.0 * (0.5 * DELAY**2 - lag * (DELAY - late))
-    assert way[7:] == pytest.approx(np.full(NQ - 7, expected), rel=0.02)
+    assert displacement[7:] == pytest.approx(
+        np.full(NQ - 7, expected), rel=0.02
+    )
 
 
 def test_a_lead_takes_the_positions_ahead():
@@ -69,10 +71,10 @@ def test_a_lead_takes_the_positions_ahead():
         q = q + 1e-3 * lead * plant.MapVelocityToQDot(context, v)
     predictor = StatePredictor(NADIA["realistic"], PERIOD, lead=lead)
     context = asked(predictor, estimated_state=state)
-    found = answer(predictor, context, "predicted_state")
+    later = answer(predictor, context, "predicted_state")
     # The pelvis turns on along a chord, by 0.02 rad here.
-    assert found[:NQ] == pytest.approx(q, abs=1e-4)
-    assert found[NQ:].tolist() == v.tolist()
+    assert later[:NQ] == pytest.approx(q, abs=1e-4)
+    assert later[NQ:].tolist() == v.tolist()
 
 
 def test_a_walking_robot_is_where_it_is_predicted():
@@ -91,11 +93,11 @@ def test_a_walking_robot_is_where_it_is_predicted():
     )
     for i in range(100):
         simulator.AdvanceTo(0.352 + i * 0.004)  # a swing from 0.45 s on
-        known, late, state = (
+        predictions, measurements, state = (
             answer(system, system.GetMyContextFromRoot(context), name)
             for system, name in asked_of
         )
-        errors.append(np.abs(np.stack((known, late)) - state))
-    known, late = np.median(errors, axis=0)
-    assert known[:NQ].max() < 0.1 * late[:NQ].max()
-    assert known[NQ:].max() < 0.5 * late[NQ:].max()
+        errors.append(np.abs(np.stack((predictions, measurements)) - state))
+    predictions, measurements = np.median(errors, axis=0)
+    assert predictions[:NQ].max() < 0.1 * measurements[:NQ].max()
+    assert predictions[NQ:].max() < 0.5 * measurements[NQ:].max()

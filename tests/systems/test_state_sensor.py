@@ -28,8 +28,9 @@ def sensed(imperfections, ticks, seed=0, shift=0.0):
         {name: value + i * shift for name, value in start.items()}
         for i in range(ticks)
     ]
-    outputs = "measured_state", "measured_foot_forces"
-    return told(sensor, PERIOD, inputs, *outputs)
+    return told(
+        sensor, PERIOD, inputs, "measured_state", "measured_foot_forces"
+    )
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 5])
@@ -44,11 +45,9 @@ def test_tells_what_came_so_long_ago(ticks):
 def test_a_copy_goes_on_with_its_buffer():
     """Oracle: the input's change is felt three ticks later, as in a walk."""
     sensor = StateSensor(PLANT, Imperfections(delay=3 * PERIOD), PERIOD)
-    inputs = {"state": standing_state(), "foot_forces": FORCES}
-    walk, context = running(sensor, **inputs)
+    walk, context = running(sensor, state=standing_state(), foot_forces=FORCES)
     walk.AdvanceTo(5 * PERIOD)
-    pushed = {"state": standing_state() + 1.0, "foot_forces": FORCES + 1.0}
-    fix(sensor, context, **pushed)
+    fix(sensor, context, state=standing_state() + 1.0, foot_forces=FORCES + 1.0)
     copy = Simulator(sensor, context.Clone())
     copy.Initialize()
     for ticks in range(1, 5):

@@ -32,5 +32,5 @@ def test_continues_from_the_last_motion_over_the_edges_of_its_model(lead):
     foot = swing_foot.SwingFoot(PARAMS, model, PERIOD, lead)
     _, ahead = foot.motion(LAST.reshape(3, 4), state, edges)
     expected = swing_foot.as_reference(ahead, lead)
-    found = answer(planner, context, "swing_foot_reference")
-    assert found == pytest.approx(expected, abs=1e-15)
+    reference = answer(planner, context, "swing_foot_reference")
+    assert reference == pytest.approx(expected, abs=1e-15)

@@ -30,6 +30,6 @@ def test_proposes_what_the_core_says(on):
         fix(adapter, context, mechanisms=on.as_vector())
     timing = Timing(PARAMS, MODEL, PERIOD)
     expected = timing.adjustment(state, plan, icp, feet, on or ALL)
-    found = answer(adapter, context, "time_adjustment")
-    np.testing.assert_array_equal(found, expected)
+    adjustment = answer(adapter, context, "time_adjustment")
+    np.testing.assert_array_equal(adjustment, expected)
     assert (expected.now > 0.0) is (on is None or on.swing)

@@ -24,8 +24,8 @@ def test_each_row_holds_from_its_time_to_that_of_the_next():
         (9.0, [0.0, 0.0, 0.0]),
     ):
         simulator.AdvanceTo(time)
-        found = answer(commands, simulator.get_context(), "velocity_command")
-        assert found.tolist() == expected
+        command = answer(commands, simulator.get_context(), "velocity_command")
+        assert command.tolist() == expected
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.plan import walking_state_machine as core
+from nadia_balance.core.plan.walking_state_machine import (
+    StateMachine,
+    WalkingStateMachineParams,
+)
 from nadia_balance.core.walking.state import (
     FootPose,
     Footstep,
@@ -19,7 +22,7 @@ from tests.blocks import answer, fix, running
 from tests.example_walks import FEET, MODEL, planned, standing, walk
 
 PERIOD = 0.002
-PARAMS = core.WalkingStateMachineParams()
+PARAMS = WalkingStateMachineParams()
 FORCES, ICP = np.array([400.0, 500.0]), np.array([0.01, 0.02])
 
 
@@ -54,7 +57,7 @@ def test_advances_once_a_period(time, gain):
         fix(machine, context, time_adjustment=[gain, 0.2])
     assert walking_state(machine, context) is state
     simulator.AdvanceTo(0.5 * PERIOD)
-    expected = core.StateMachine(PARAMS, MODEL, PERIOD).advance(
+    expected = StateMachine(PARAMS, MODEL, PERIOD).advance(
         state,
         inputs(state)["icp_plan"],
         FEET,
@@ -74,14 +77,14 @@ def test_signal_says_what_the_state_says():
     """Oracle: the state's own fields, by name."""
     state = WalkingState(walk(length=0.3), 0.125, steps_taken=4)
     machine, _, context = machine_in(state)
-    found = WalkingSignal(answer(machine, context, "walking_signal"))
-    assert PHASES[int(found.phase)] is Phase.TRANSFER
-    assert (found.support_side, found.target_side) == (1.0, -1.0)
-    assert (found.time_in_phase, found.duration) == (0.125, 0.3)
-    assert (found.waiting, found.steps_taken) == (0.0, 4.0)
-    assert found.left == pytest.approx([0.0, 0.125, 0.0])
-    assert found.right == pytest.approx([0.0, -0.125, 0.0])
-    assert found.target == pytest.approx([0.3, -0.125, 0.0])
+    signal = WalkingSignal(answer(machine, context, "walking_signal"))
+    assert PHASES[int(signal.phase)] is Phase.TRANSFER
+    assert (signal.support_side, signal.target_side) == (1.0, -1.0)
+    assert (signal.time_in_phase, signal.duration) == (0.125, 0.3)
+    assert (signal.waiting, signal.steps_taken) == (0.0, 4.0)
+    assert signal.left == pytest.approx([0.0, 0.125, 0.0])
+    assert signal.right == pytest.approx([0.0, -0.125, 0.0])
+    assert signal.target == pytest.approx([0.3, -0.125, 0.0])
 
 
 def step(side, x=0.0):

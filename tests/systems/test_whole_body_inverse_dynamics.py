@@ -9,10 +9,18 @@ from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.systems.signals import QpStatus
 from nadia_balance.systems.whole_body import WholeBodyInverseDynamics
 from tests import example_walks
-from tests import whole_body_examples as examples
 from tests.blocks import answer, asked, fix, running
 from tests.core.whole_body.test_tasks import ELBOW, JointTask
-from tests.whole_body_examples import PERIOD, nadia
+from tests.whole_body_examples import (
+    PERIOD,
+    command,
+    kinematics,
+    make_infeasible,
+    model,
+    nadia,
+    standing_state,
+    terms_at,
+)
 
 PUSHED = np.array([200.0, 100.0, 0.0])
 OUTPUTS = ("actuation", "foot_wrenches", "whole_body_qp_status")
@@ -26,7 +34,7 @@ def system_with(tasks=()):
 def inputs():
     """Nadia stands, and is asked to move aside."""
     return {
-        "whole_body_terms": examples.terms_at(examples.standing_state()),
+        "whole_body_terms": terms_at(standing_state()),
         "momentum_rate": PUSHED,
         "swing_foot_reference": np.zeros(12),
         "walking_state": WalkingState(example_walks.standing()),
@@ -43,16 +51,16 @@ def test_gives_what_the_core_function_gives(tasks):
 
     With a task of a user's as well, which has its elbow accelerate.
     """
-    system, told = system_with(tasks), inputs()
-    terms = told["whole_body_terms"]
-    core = WholeBodyQp(WholeBodyQpParams(), examples.model(), PERIOD, tasks)
-    found = core.solve(terms, examples.command(terms, momentum_rate=PUSHED))
-    assert (found.vdot[ELBOW] > 10.0) == bool(tasks)
-    actuation, wrenches, status = outputs(system, asked(system, **told))
-    B = examples.kinematics().plant.MakeActuationMatrix()
-    assert B[6:] @ actuation == pytest.approx(found.torques, abs=1e-9)
-    assert wrenches == pytest.approx(found.wrenches, abs=1e-9)
-    qp = found.qp
+    system, values = system_with(tasks), inputs()
+    terms = values["whole_body_terms"]
+    core = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD, tasks)
+    solution = core.solve(terms, command(terms, momentum_rate=PUSHED))
+    assert (solution.vdot[ELBOW] > 10.0) == bool(tasks)
+    actuation, wrenches, status = outputs(system, asked(system, **values))
+    B = kinematics().plant.MakeActuationMatrix()
+    assert B[6:] @ actuation == pytest.approx(solution.torques, abs=1e-9)
+    assert wrenches == pytest.approx(solution.wrenches, abs=1e-9)
+    qp = solution.qp
     expected = [1.0, float(qp.fallback), qp.solves, qp.violation, 0.0]
     assert status == pytest.approx(expected)
 
@@ -69,10 +77,10 @@ def test_damps_without_a_solution_and_gives_up_in_the_end(
     simulator, context = running(system, **inputs())
     good, *_ = outputs(system, context)
     simulator.AdvanceTo(PERIOD)
-    examples.make_infeasible(monkeypatch)
+    make_infeasible(monkeypatch)
     fix(system, context, momentum_rate=PUSHED + 1.0)
     step = nadia().drives.max_torque_rate * PERIOD
-    step *= examples.kinematics().plant.GetEffortUpperLimits()
+    step *= kinematics().plant.GetEffortUpperLimits()
     for failures in range(1, unsolved + 1):
         actuation, wrenches, status = outputs(system, context)
         left = np.maximum(np.abs(good) - failures * step, 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from nadia_balance.systems.signals import fill, wire
+from nadia_balance.systems.wiring import fill, wire
 from tests.blocks import answer, asked
 from tests.systems.test_ports import Sink
 
@@ -68,4 +68,4 @@ def test_refuses_to_wire_what_does_not_fit(inputs, blocks, message):
 def test_refuses_a_class_in_place_of_a_block():
     """Other refusals: tests/test_controllers.py."""
     with pytest.raises(ValueError, match=r"^a = .*Sink'>: must be a System"):
-        fill({"a": Sink}, {"a": ""}, {"a": Sink}, [])
+        fill({"a": Sink}, {"a": ()}, {"a": Sink}, [])

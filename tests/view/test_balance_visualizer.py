@@ -38,8 +38,8 @@ from nadia_balance.core.walking.state import (
     WalkingState,
 )
 from nadia_balance.results.pages import start_recording, write_replay
-from nadia_balance.systems.signals import connect
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
+from nadia_balance.systems.wiring import connect
 from nadia_balance.view import scene
 from nadia_balance.view.balance_visualizer import (
     FOOTPRINTS,
