@@ -36,21 +36,23 @@ STIFFNESS_TIME = 0.004
 _HARDNESS = [0.95, 0.99, 0.001, 0.5, 2.0]  # the impedance of all constraints
 # Ratio of frictional to normal impedance; with less, soles creep.
 _FRICTION_IMPEDANCE = 10.0
-_GEOM = mujoco.mjtGeom
 # Drake's type of a shape: MuJoCo's, and its size.
 _SHAPES: dict[type, tuple[Any, Callable[[Any], Any]]] = {
-    Box: (_GEOM.mjGEOM_BOX, lambda s: 0.5 * s.size()),
+    Box: (mujoco.mjtGeom.mjGEOM_BOX, lambda s: 0.5 * s.size()),
     Capsule: (
-        _GEOM.mjGEOM_CAPSULE,
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
         lambda s: [s.radius(), 0.5 * s.length(), 0],
     ),
     Cylinder: (
-        _GEOM.mjGEOM_CYLINDER,
+        mujoco.mjtGeom.mjGEOM_CYLINDER,
         lambda s: [s.radius(), s.length() / 2, 0],
     ),
-    Ellipsoid: (_GEOM.mjGEOM_ELLIPSOID, lambda s: [s.a(), s.b(), s.c()]),
-    HalfSpace: (_GEOM.mjGEOM_PLANE, lambda s: [0.0, 0.0, 1.0]),
-    Sphere: (_GEOM.mjGEOM_SPHERE, lambda s: [s.radius(), 0.0, 0.0]),
+    Ellipsoid: (
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        lambda s: [s.a(), s.b(), s.c()],
+    ),
+    HalfSpace: (mujoco.mjtGeom.mjGEOM_PLANE, lambda s: [0.0, 0.0, 1.0]),
+    Sphere: (mujoco.mjtGeom.mjGEOM_SPHERE, lambda s: [s.radius(), 0.0, 0.0]),
 }
 _JOINTS = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
@@ -178,7 +180,7 @@ class MujocoModel:
             # The convex hull, as in Drake.
             points = np.ravel(hull_points(inspector, shape))
             self._spec.add_mesh(name=_name(shape), uservert=points)
-            added.type = _GEOM.mjGEOM_MESH
+            added.type = mujoco.mjtGeom.mjGEOM_MESH
             added.meshname = _name(shape)
             return
         require(
@@ -326,13 +328,12 @@ def _empty_spec(plant: MultibodyPlant) -> Any:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.compiler.inertiafromgeom = False
-    option = spec.option
-    option.timestep = plant.time_step()
-    option.gravity = plant.gravity_field().gravity_vector()
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = _FRICTION_IMPEDANCE
+    spec.option.timestep = plant.time_step()
+    spec.option.gravity = plant.gravity_field().gravity_vector()
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = _FRICTION_IMPEDANCE
     # Without a warm start, a step depends on state and inputs only.
-    option.disableflags = mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_WARMSTART
     return spec
 
 
@@ -342,5 +343,8 @@ def _name(shape: GeometryId) -> str:
 
 def _friction(inspector: SceneGraphInspector, shape: GeometryId) -> float:
     properties: Any = inspector.GetProximityProperties(shape)
-    friction = properties.GetProperty("material", "coulomb_friction")
-    return float(friction.dynamic_friction())
+    return float(
+        properties.GetProperty(
+            "material", "coulomb_friction"
+        ).dynamic_friction()
+    )

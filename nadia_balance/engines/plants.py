@@ -1,7 +1,7 @@
 """Plants other than Drake's: one that MuJoCo simulates, and the point mass."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
@@ -141,9 +141,8 @@ class MujocoPlant(LeafSystem):
 
     def _calc_step(self, context: Context, _: Any) -> tuple[Array, object]:
         x: Any = context.get_discrete_state(self._state).value()
-        forces: Any = ()
-        if self._forces.HasValue(context):
-            forces = self._forces.Eval(context)
+        is_pushed = self._forces.HasValue(context)
+        forces: Any = self._forces.Eval(context) if is_pushed else ()
         x, contacts = self._model.step(x, self._actuation(context), forces)
         return x, PointContacts(tuple(contacts))
 
@@ -190,10 +189,10 @@ def add_mujoco_plant(
     poses = builder.AddNamedSystem(
         "poses", MultibodyPositionToGeometryPose(plant, True)
     )
-    source: Any = plant.get_source_id()
     builder.Connect(engine.GetOutputPort("state"), poses.get_input_port())
     builder.Connect(
-        poses.get_output_port(), scene_graph.get_source_pose_port(source)
+        poses.get_output_port(),
+        scene_graph.get_source_pose_port(cast(Any, plant.get_source_id())),
     )
     return engine, plant, scene_graph
 
@@ -233,10 +232,11 @@ class PointMassPlant(LeafSystem):
         self._stiffness = model.mass * model.omega**2
         point = start.schedule.start
         foot = start.schedule.feet[start.schedule.support_side.other]
-        com: Any = [*point.com, model.com_height, *point.com_velocity, 0.0]
-        pose: Any = [*foot.p_WF, foot.yaw]
-        self._com: Any = self.DeclareDiscreteState(com)
-        self._foot: Any = self.DeclareDiscreteState(pose)
+        com = [*point.com, model.com_height, *point.com_velocity, 0.0]
+        self._com: Any = self.DeclareDiscreteState(cast(Any, com))
+        self._foot: Any = self.DeclareDiscreteState(
+            cast(Any, [*foot.p_WF, foot.yaw])
+        )
         self._ecmp = Input(self, "ecmp_command", SIGNALS["ecmp_command"])
         self._swing = Input(
             self, "swing_foot_reference", SIGNALS["swing_foot_reference"]
@@ -244,13 +244,15 @@ class PointMassPlant(LeafSystem):
         self._walking = Input(self, "walking_state", SIGNALS["walking_state"])
         self._push = Input(self, "push_force", SIGNALS["push_force"])
         self.DeclareStateOutputPort("com_state", self._com)
-        com_ticket = self.discrete_state_ticket(self._com)
         feet_tickets = [
             self.discrete_state_ticket(self._foot),
             self._walking.ticket(),
         ]
         declare_output(
-            system=self, name="icp", calc=self._calc_icp, needs=[com_ticket]
+            system=self,
+            name="icp",
+            calc=self._calc_icp,
+            needs=[self.discrete_state_ticket(self._com)],
         )
         declare_output(
             system=self,
@@ -294,8 +296,8 @@ class PointMassPlant(LeafSystem):
         return share * left, share * right
 
     def _schedule(self, context: Context) -> ContactSchedule:
-        schedule: ContactSchedule = self._walking(context).schedule
-        return schedule
+        state: WalkingState = self._walking(context)
+        return state.schedule
 
     def _swing_foot(self, context: Context) -> Any:
         return context.get_discrete_state(self._foot).value().tolist()

@@ -69,13 +69,13 @@ class CollisionAvoidance:
         self._bodies = [plant.get_body(body) for body in sorted(bodies)]
         self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper_body = _upper_body(robot, plant)
+        arm_attention = max(params.arm_attention, params.attention)
         round_pairs: list[tuple[_Shape, _Shape, float]] = []
         self._others: list[tuple[GeometryId, GeometryId, float]] = []
         for a, b in candidates:
             first, second = self._shapes[a], self._shapes[b]
-            attention = params.attention
-            if {first.body.index(), second.body.index()} & upper_body:
-                attention = max(params.arm_attention, attention)
+            is_arm = {first.body.index(), second.body.index()} & upper_body
+            attention = arm_attention if is_arm else params.attention
             if first.radius is None or second.radius is None:
                 self._others.append((a, b, attention))
             else:
@@ -99,8 +99,8 @@ class CollisionAvoidance:
         )
         self._pair_bodies = self._owner[self._sides]
         lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
-        self._pairs = SegmentPairs(lengths[self._sides])
         radii = np.array([s.radius for s in shapes])
+        self._pairs = SegmentPairs(lengths[self._sides])
         self._radii = radii[self._sides].sum(axis=0)
         self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
 
@@ -122,8 +122,9 @@ class CollisionAvoidance:
 
     def _rows_of_law(self, distance: Array, rows: Array, v: Array) -> Array:
         """Rows (k, nv + 1) of pairs: d_ddot less what the law asks for."""
-        least = self._params.braking(distance, rows @ v)
-        return np.column_stack((rows, -least))
+        return np.column_stack(
+            (rows, -self._params.braking(distance, rows @ v))
+        )
 
     def distances(self, context: Context) -> tuple[Array, Array]:
         """Distances d of the pairs that count, and their rows A: d_dot = A v.
@@ -157,8 +158,8 @@ class CollisionAvoidance:
             ).get_coeffs()
         rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
         braking = self._params.braking(distance, rates)
-        near = distance < self._params.attention
-        urgent = (near | (braking > 0.0)).nonzero()[0]
+        counts = (distance < self._params.attention) | (braking > 0.0)
+        urgent = counts.nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
         rows = np.empty((urgent.size, plant.num_velocities()))
@@ -193,10 +194,12 @@ class CollisionAvoidance:
         squares = np.einsum("ik,ik->k", apart, apart)
         near = (squares < self._squared_far).nonzero()[0]
         length = np.sqrt(squares.take(near))
-        normal = apart.take(near, axis=1) / np.maximum(length, _TINY)
-        bodies = self._pair_bodies.take(near, axis=1)
-        distance = length - self._radii.take(near)
-        return distance, normal, p.take(near, axis=2), bodies
+        return (
+            length - self._radii.take(near),
+            apart.take(near, axis=1) / np.maximum(length, _TINY),
+            p.take(near, axis=2),
+            self._pair_bodies.take(near, axis=1),
+        )
 
     def _near_others(
         self, context: Context, X_WB: Array

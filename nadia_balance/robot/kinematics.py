@@ -26,6 +26,7 @@ from nadia_balance.robot.plants import (
     joints,
     joints_above,
 )
+from nadia_balance.robot.urdf import require
 
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
@@ -88,8 +89,8 @@ class WholeBodyKinematics:
         v = state[-self._damping.size :]
         self._fill_forces(context, v, rows)
         self._fill_motions(context, rows)
-        poses = body_poses(self.plant, context, self._bodies)
-        poses = poses @ self._X_BodyFrame
+        X_WB = body_poses(self.plant, context, self._bodies)
+        poses = X_WB @ self._X_BodyFrame
         velocities = rows[:, :-1] @ v
         if self._lead:
             self._take_back(rows, v, velocities)
@@ -113,8 +114,9 @@ class WholeBodyKinematics:
         turns = rows[:, -1].copy()
         turns[PELVIS] = 0.0
         turns[BASE] += rows[BASE, 3:6] @ self._gravity
-        moved = cross(v[3:6], velocities[BASE][3:])
-        turns[BASE.start : BASE.start + 3] -= moved
+        turns[BASE.start : BASE.start + 3] -= cross(
+            v[3:6], velocities[BASE][3:]
+        )
         turns[BASE.stop : TORSO.start] = 0.0
         velocities -= self._lead * turns
 
@@ -209,16 +211,16 @@ def whole_body_model(
     lower = np.maximum(lower, plant.GetPositionLowerLimits()[7:])
     upper = np.minimum(upper, plant.GetPositionUpperLimits()[7:])
     for joint in params.joint_lower_limits | params.joint_upper_limits:
-        i = _index(plant, joint)
-        if not lower[i] < upper[i]:
-            raise ValueError(
-                f"joint_lower_limits.{joint} = {lower[i]}: must be below its "
-                f"upper limit, {upper[i]} rad"
-            )
+        i = plant.GetJointByName(joint).velocity_start() - 6
+        require(
+            lower[i] < upper[i],
+            f"joint_lower_limits.{joint} = {lower[i]}: must be below its upper "
+            f"limit, {upper[i]} rad",
+        )
     is_leg_joint = np.zeros(lower.size, dtype=bool)
     for foot in robot.foot_bodies.values():
-        for above in joints_above(plant, foot):
-            is_leg_joint[above.velocity_start() - 6] = True
+        leg = joints_above(plant, foot)
+        is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
@@ -236,11 +238,6 @@ def whole_body_model(
     )
 
 
-def _index(plant: MultibodyPlant, joint: str) -> int:
-    """The joint's place among the joints, in the order of velocities."""
-    return plant.GetJointByName(joint).velocity_start() - 6
-
-
 def _by_joint(
     plant: MultibodyPlant,
     field: str,
@@ -250,11 +247,11 @@ def _by_joint(
     """The `values` (nj,) of a field, and those of `others`."""
     vector = np.full(plant.num_velocities() - 6, others)
     for joint, value in values.items():
-        if not plant.HasJointNamed(joint):
-            raise ValueError(
-                f"{field}.{joint} = {value}: the robot has no such joint"
-            )
-        vector[_index(plant, joint)] = value
+        require(
+            plant.HasJointNamed(joint),
+            f"{field}.{joint} = {value}: the robot has no such joint",
+        )
+        vector[plant.GetJointByName(joint).velocity_start() - 6] = value
     return vector
 
 

@@ -77,8 +77,9 @@ class StandingLegs:
             Torques (nv,) [N m], in the order of v.
         """
         plant = self.plant
-        gravity = np.asarray(plant.gravity_field().gravity_vector())
-        weight = -plant.CalcTotalMass(self.context) * gravity
+        weight = -plant.CalcTotalMass(self.context) * np.asarray(
+            plant.gravity_field().gravity_vector()
+        )
         torques = -np.asarray(plant.CalcGravityGeneralizedForces(self.context))
         for side, share in shares.items():
             torques -= share * weight @ self._jacobian(side)[3:]
@@ -109,14 +110,14 @@ class StandingLegs:
             leg = [
                 joint.velocity_start() for joint in joints_above(plant, foot)
             ]
-            J = self._jacobian(side)[:, leg]
-            motion = np.linalg.lstsq(J, _HORIZONTAL, rcond=None)[0]
+            motion = np.linalg.lstsq(
+                self._jacobian(side)[:, leg], _HORIZONTAL, rcond=None
+            )[0]
             # The largest of x cos(s) + y sin(s) over all directions s.
-            joint_speeds = np.hypot(*motion.T)
             torques = np.hypot(*(M[np.ix_(leg, leg)] @ motion).T)
             with np.errstate(divide="ignore"):
                 accelerations = np.maximum(room[leg], 0.0) / torques
-                foot_speeds = speed_limits[leg] / joint_speeds
+                foot_speeds = speed_limits[leg] / np.hypot(*motion.T)
             limits.append(
                 (accelerations.min(), foot_speeds.min() * _SHARE / _PEAK)
             )

@@ -1,11 +1,10 @@
 """The robot: one robot.yaml, parsed alike for the plant and the controller."""
 
 import copy
-import functools
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -87,10 +86,13 @@ class RobotModel:
         self.sole_length = sole.x_max - sole.x_min
         self.sole_width = 2.0 * sole.half_width
         self.sole = rectangle(self.sole_length, self.sole_width)
-        centre: Any = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
-        self.X_FootSole = {side: RigidTransform(centre) for side in Side}
-        _, plant, _ = self.control_diagram()
-        self.remarks = remarks_on(plant, set(self.foot_bodies.values()))
+        centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
+        self.X_FootSole = {
+            side: RigidTransform(cast(Any, centre)) for side in Side
+        }
+        self.remarks = remarks_on(
+            self.control_diagram()[1], set(self.foot_bodies.values())
+        )
         with naming(f"urdf = {urdf}"):
             StandingLegs(self, self.standing_positions()).check_standing()
 
@@ -109,8 +111,9 @@ class RobotModel:
         speeds = np.asarray(self.control_plant().GetVelocityUpperLimits()[6:])
         if self.drives is None:
             return np.full(speeds.size, np.inf)
-        is_limited = np.isfinite(speeds)
-        return np.where(is_limited, speeds, self.params.max_joint_speed)
+        return np.where(
+            np.isfinite(speeds), speeds, self.params.max_joint_speed
+        )
 
     @cached_property
     def point_mass(self) -> PointMassModel:
@@ -133,8 +136,10 @@ class RobotModel:
             )
             apart = max(width, self.sole_width) + avoidance.clearance
             sole_clearance = max(apart - self.sole_width, 0.0)
-            beside = max(detour.beside, apart + 0.5 * avoidance.clearance)
-            detour = replace(detour, beside=beside)
+            detour = replace(
+                detour,
+                beside=max(detour.beside, apart + 0.5 * avoidance.clearance),
+            )
             reach = replace(reach, width_min=max(reach.width_min, apart))
         return PointMassModel(
             mass=self.mass,
@@ -165,9 +170,9 @@ class RobotModel:
         limits = dict(self.drives.max_torque) if self.drives else {}
         for actuator in actuators(plant):
             if actuator.model_instance() == instance:
-                joint = actuator.joint().name()
-                limit = limits.pop(joint, actuator.effort_limit())
-                actuator.set_effort_limit(limit)
+                actuator.set_effort_limit(
+                    limits.pop(actuator.joint().name(), actuator.effort_limit())
+                )
         for joint in limits:
             raise ValueError(
                 f"drives.max_torque.{joint}: must be of an actuated joint of "
@@ -192,13 +197,15 @@ class RobotModel:
         Returns:
             The plant, finalized, and its SceneGraph.
         """
-        config = MultibodyPlantConfig(
-            time_step=time_step,
-            contact_model="point",
-            discrete_contact_approximation="sap",
-            use_sampled_output_ports=False,
+        plant, scene_graph = AddMultibodyPlant(
+            MultibodyPlantConfig(
+                time_step=time_step,
+                contact_model="point",
+                discrete_contact_approximation="sap",
+                use_sampled_output_ports=False,
+            ),
+            builder,
         )
-        plant, scene_graph = AddMultibodyPlant(config, builder)
         self.stand_in(plant, scene_graph, ground)
         return plant, scene_graph
 
@@ -224,8 +231,7 @@ class RobotModel:
 
     def _let_pass(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
         """Excludes self-collisions but between the legs, without the feet."""
-        pelvis = plant.GetBodyByName(self.pelvis_body)
-        links = set(plant.GetBodyIndices(pelvis.model_instance()))
+        instance = plant.GetBodyByName(self.pelvis_body).model_instance()
         left, right = (
             set(
                 plant.GetBodiesKinematicallyAffectedBy(
@@ -239,16 +245,13 @@ class RobotModel:
             bodies = [plant.get_body(link) for link in links]
             return plant.CollectRegisteredGeometries(bodies)
 
-        others = shapes(links - left - right)
-        soles = shapes(
-            plant.GetBodyByName(foot).index()
-            for foot in self.foot_bodies.values()
-        )
+        others = shapes(set(plant.GetBodyIndices(instance)) - left - right)
+        feet = [plant.GetBodyByName(n) for n in self.foot_bodies.values()]
         scene_graph.collision_filter_manager().Apply(
             CollisionFilterDeclaration()
             .ExcludeWithin(shapes(left))
             .ExcludeWithin(shapes(right))
-            .ExcludeWithin(soles)
+            .ExcludeWithin(shapes(foot.index() for foot in feet))
             .ExcludeWithin(others)
             .ExcludeBetween(others, shapes(left | right))
         )
@@ -404,9 +407,12 @@ def load_robot_params(name: str) -> tuple[RobotParams, Path]:
     path = _robot_file(name)
     if name not in robot_names():
         return _read_params(name, path)
-    files = sorted(path.parent.iterdir())
-    changed = tuple(file.stat().st_mtime_ns for file in files)
-    params, urdf = _params_of_package(name, changed)
+    params, urdf = _params_of_package(
+        name,
+        tuple(
+            file.stat().st_mtime_ns for file in sorted(path.parent.iterdir())
+        ),
+    )
     return copy.deepcopy(params), urdf
 
 
@@ -422,8 +428,7 @@ def whole_body_tree(name: str) -> dict[str, object]:
         The tree of these fields.
     """
     tree = load_tree(_robot_file(name).read_text(encoding="utf-8"))
-    fields: dict[str, object] = tree.get("whole_body", {})
-    return fields
+    return cast(dict[str, object], tree.get("whole_body", {}))
 
 
 def _robot_file(name: str) -> Path:
@@ -440,7 +445,7 @@ def _robot_file(name: str) -> Path:
     return path
 
 
-@functools.lru_cache(maxsize=16)
+@lru_cache(maxsize=16)
 def _params_of_package(
     name: str, changed: tuple[int, ...]
 ) -> tuple[RobotParams, Path]:

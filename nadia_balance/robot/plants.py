@@ -149,8 +149,7 @@ def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
     for i, top in enumerate(tops):
         name = f"region {i}"
         below = top * [1.0, 1.0, 0.0] + [0.0, 0.0, bottom]
-        corners: Any = np.vstack([top, below]).T
-        shape = Convex(corners, name)
+        shape = Convex(cast(Any, np.vstack([top, below]).T), name)
         plant.RegisterCollisionGeometry(
             body=plant.world_body(),
             X_BG=RigidTransform(),
@@ -218,8 +217,10 @@ def improper_contacts(
         ground".
     """
     improper = set()
-    points = range(results.num_point_pair_contacts())
-    infos = map(results.point_pair_contact_info, points)
+    infos = map(
+        results.point_pair_contact_info,
+        range(results.num_point_pair_contacts()),
+    )
     for pair in {(int(i.bodyA_index()), int(i.bodyB_index())) for i in infos}:
         bodies = [plant.get_body(BodyIndex(body)) for body in pair]
         links = {b.name() for b in bodies if b.model_instance() == robot}

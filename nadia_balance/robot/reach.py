@@ -233,8 +233,7 @@ def _cop_margins(model: PointMassModel) -> tuple[list[str], list[str]]:
 def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     """The knee with the largest torque over its limit, and that."""
     reach = robot.point_mass.reach
-    foothold = np.array([reach.length_forward, reach.width_nominal])
-    q = stride(robot, foothold)
+    q = stride(robot, np.array([reach.length_forward, reach.width_nominal]))
     if q is None:
         return "the knees", np.inf
     legs = StandingLegs(robot, q)

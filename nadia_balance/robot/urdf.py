@@ -57,8 +57,7 @@ def naming(source: str) -> Iterator[None]:
         yield
     # SystemExit is how pydrake reports a condition of Drake's own code.
     except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
-        message = " ".join(str(error).split())
-        raise ValueError(f"{source}: {message}") from error
+        raise ValueError(f"{source}: {' '.join(str(error).split())}") from error
 
 
 def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:
@@ -113,8 +112,9 @@ def check_urdf(urdf: Path) -> None:
             f"(nadia-new-robot welds others); it is {kind}",
         )
         for limit in joint.iter("limit"):
-            speed = limit.get("velocity", "1")
-            _require_positive(f"velocity limit of {name}", speed, "rad/s")
+            _require_positive(
+                f"velocity limit of {name}", limit.get("velocity", "1"), "rad/s"
+            )
             lower, upper = limit.get("lower", "0"), limit.get("upper", "0")
             require(
                 not _number(lower) > _number(upper),
@@ -158,8 +158,10 @@ def _add_actuators(
     """Adds actuators to joints for which the `urdf` has no <transmission>."""
     # All actuators: those of an instance are known only once it is finalized.
     driven = [actuator.joint().index() for actuator in actuators(plant)]
-    if len(set(driven)) < len(driven):
-        raise ValueError("a joint must not have two <transmission>s")
+    require(
+        len(set(driven)) == len(driven),
+        "a joint must not have two <transmission>s",
+    )
     efforts = {
         joint.get("name"): _number(limit.get("effort"))
         for joint in ElementTree.parse(urdf).getroot().findall("joint")
@@ -167,8 +169,8 @@ def _add_actuators(
     }
     for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
         effort = efforts.get(joint.name(), 0.0)
-        is_bare = joint.num_positions() and joint.index() not in driven
-        if effort > 0.0 and is_bare:
+        is_bare = joint.num_positions() > 0 and joint.index() not in driven
+        if is_bare and effort > 0.0:
             plant.AddJointActuator(joint.name(), joint, effort)
 
 
@@ -194,18 +196,18 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
             plant.HasBodyNamed(name),
             f"{field} = {name!r}: must be a link of the URDF",
         )
-    bases = map(plant.get_body, plant.GetFloatingBaseBodies())
-    floating = sorted(body.name() for body in bases)
+    floating = sorted(
+        plant.get_body(i).name() for i in plant.GetFloatingBaseBodies()
+    )
     require(
         floating == [params.pelvis_body],
         f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
         f"joint holds; these are: {', '.join(floating) or 'none'}",
     )
     context = plant.CreateDefaultContext()
-    left = _position(plant, context, params.left_foot_body)
-    right = _position(plant, context, params.right_foot_body)
     require(
-        left[1] > right[1],
+        _position(plant, context, params.left_foot_body)[1]
+        > _position(plant, context, params.right_foot_body)[1],
         f"left_foot_body = {params.left_foot_body!r}: must be left of "
         f"right_foot_body = {params.right_foot_body!r}",
     )
@@ -221,9 +223,9 @@ def _check_drives(
     urdf = f"urdf = {params.urdf}"
     drives = {drive.joint().name(): drive for drive in actuators(plant)}
     for name, joint in hinges.items():
-        speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
         require(
-            speed < math.inf,
+            min(joint.velocity_upper_limits()[0], params.max_joint_speed)
+            < math.inf,
             f"{urdf}: joint {name}: must have a velocity limit, or robot.yaml "
             "a max_joint_speed",
         )
@@ -270,7 +272,7 @@ def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
         The warnings, one line each.
     """
     remarks = []
-    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
+    bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
     shaped = filter(plant.GetCollisionGeometriesForBody, bodies)
     if {body.name() for body in shaped} == feet:
         remarks.append(
@@ -311,13 +313,15 @@ def with_lengths(
         ValueError: a foot has no collision shape.
     """
     feet = [params.left_foot_body, params.right_foot_body]
-    measured_sole = _sole(plant, inspector, feet)
-    sole = _filled(params.sole, measured_sole, given.get("sole"))
+    sole = _filled(
+        params.sole, _sole(plant, inspector, feet), given.get("sole")
+    )
     straight = plant.CreateDefaultContext()
     standing: Any = plant.CreateDefaultContext()
     for joint, angle in params.posture.items():
-        hinge = cast(RevoluteJoint, plant.GetJointByName(joint))
-        hinge.set_angle(standing, angle)
+        cast(RevoluteJoint, plant.GetJointByName(joint)).set_angle(
+            standing, angle
+        )
     com = plant.CalcCenterOfMassPositionInWorld(standing)[2]
     left, right = (_position(plant, straight, foot) for foot in feet)
     legs = {"hip_width": left[1] - right[1]}
@@ -378,8 +382,9 @@ def _sole(
     ends = []
     for foot in feet:
         shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
-        low_points = [_low_points(inspector, shape) for shape in shapes]
-        points = np.vstack([np.empty((0, 3)), *low_points])
+        points = np.vstack(
+            [np.empty((0, 3)), *(_low_points(inspector, s) for s in shapes)]
+        )
         require(len(points) > 0, f"foot {foot}: must have a collision shape")
         lowest = points[:, 2].min()
         on_ground = points[points[:, 2] < lowest + _LEVEL]
@@ -404,8 +409,8 @@ def foot_width(
     """
     sides = [0.0]
     for foot in feet:
-        body = plant.GetBodyByName(foot)
-        for shape in plant.GetCollisionGeometriesForBody(body):
+        shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
+        for shape in shapes:
             box = inspector.GetObbInGeometryFrame(shape)
             if box is not None:
                 X_BO = inspector.GetPoseInFrame(shape) @ box.pose()
