@@ -1,36 +1,63 @@
 """MuJoCo model of the robot and its ground, from Drake's MultibodyPlant."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any, cast
 
-import mujoco
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
-from pydrake import geometry
-from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    GeometryId,
+    HalfSpace,
+    Mesh,
+    PenetrationAsPointPair,
+    SceneGraphInspector,
+    Sphere,
+)
 from pydrake.math import RigidTransform
-from pydrake.multibody import plant as mbp
-from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
+from pydrake.multibody.plant import (
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+    PointPairContactInfo,
+)
+from pydrake.multibody.tree import BodyIndex, Joint, RevoluteJoint, RigidBody
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.robot.plants import actuators, joints
-from nadia_balance.robot.urdf import hull_points
+from nadia_balance.robot.urdf import hull_points, require
 
-Forces = Iterable[mbp.ExternallyAppliedSpatialForce]
 # Time constant of contacts and joint limits, which are damped springs [s];
 # MuJoCo needs two steps or more.  Its default, 0.02, is as soft as a mat.
 STIFFNESS_TIME = 0.004
 _HARDNESS = [0.95, 0.99, 0.001, 0.5, 2.0]  # the impedance of all constraints
 # Ratio of frictional to normal impedance; with less, soles creep.
 _FRICTION_IMPEDANCE = 10.0
-_SHAPES = {  # Drake's type: the end of the name of MuJoCo's, and its size
-    geometry.Box: ("BOX", lambda s: 0.5 * s.size()),
-    geometry.Capsule: ("CAPSULE", lambda s: [s.radius(), 0.5 * s.length(), 0]),
-    geometry.Cylinder: ("CYLINDER", lambda s: [s.radius(), s.length() / 2, 0]),
-    geometry.Ellipsoid: ("ELLIPSOID", lambda s: [s.a(), s.b(), s.c()]),
-    geometry.HalfSpace: ("PLANE", lambda s: [0.0, 0.0, 1.0]),
-    geometry.Sphere: ("SPHERE", lambda s: [s.radius(), 0.0, 0.0]),
+# Drake's type of a shape: MuJoCo's, and its size.
+_SHAPES: dict[type, tuple[Any, Callable[[Any], Any]]] = {
+    Box: (mujoco.mjtGeom.mjGEOM_BOX, lambda s: 0.5 * s.size()),
+    Capsule: (
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        lambda s: [s.radius(), 0.5 * s.length(), 0],
+    ),
+    Cylinder: (
+        mujoco.mjtGeom.mjGEOM_CYLINDER,
+        lambda s: [s.radius(), s.length() / 2, 0],
+    ),
+    Ellipsoid: (
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        lambda s: [s.a(), s.b(), s.c()],
+    ),
+    HalfSpace: (mujoco.mjtGeom.mjGEOM_PLANE, lambda s: [0.0, 0.0, 1.0]),
+    Sphere: (mujoco.mjtGeom.mjGEOM_SPHERE, lambda s: [s.radius(), 0.0, 0.0]),
 }
-_HINGE, _FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
-_JOINTS = {"revolute": _HINGE, "quaternion_floating": _FREE}
+_JOINTS = {
+    "revolute": mujoco.mjtJoint.mjJNT_HINGE,
+    "quaternion_floating": mujoco.mjtJoint.mjJNT_FREE,
+}
 
 
 class MujocoModel:
@@ -41,64 +68,81 @@ class MujocoModel:
     of q, v and of the actuators: x = [q, v] (nq + nv,).
     """
 
-    def __init__(self, plant: mbp.MultibodyPlant, inspector):
-        """Models `plant`, finalized, with the shapes of a scene's `inspector`.
+    def __init__(
+        self, plant: MultibodyPlant, inspector: SceneGraphInspector
+    ) -> None:
+        """Models a plant.
 
-        Raises ValueError: a joint or a shape of a type that is not supported.
+        Args:
+            plant: finalized.
+            inspector: of the scene with its shapes.
+
+        Raises:
+            ValueError: a joint or a shape of a type that is not supported.
         """
         self._plant = plant
         self._spec = _empty_spec(plant)
         self._softness = [max(STIFFNESS_TIME, 2.0 * plant.time_step()), 1.0]
         self._inboard = {j.child_body().index(): j for j in joints(plant)}
-        world = plant.world_body()
-        self._bodies = {world.index(): self._spec.worldbody}
+        self._bodies = {plant.world_body().index(): self._spec.worldbody}
         for i in range(1, plant.num_bodies()):
             self._add_body(plant.get_body(BodyIndex(i)))
         self._add_shapes(inspector)
         self.model = self._spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._actuation = plant.MakeActuationMatrix()
-        low, high = plant.GetEffortLowerLimits(), plant.GetEffortUpperLimits()
-        self._efforts = low, high
+        self._actuation: Any = plant.MakeActuationMatrix()
+        self._lower_efforts: Any = plant.GetEffortLowerLimits()
+        self._upper_efforts: Any = plant.GetEffortUpperLimits()
         self._find_columns()
 
-    def _add_body(self, body: RigidBody) -> mujoco.MjsBody:
-        """Adds `body`, after its parents."""
+    def _add_body(self, body: RigidBody) -> Any:
+        """Adds `body`, after its parents; returns MuJoCo's."""
         if body.index() in self._bodies:
             return self._bodies[body.index()]
         joint = self._inboard[body.index()]
         parent = self._add_body(joint.parent_body())
         X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
+        X_PB = X_PF @ X_BM.inverse()
+        added = parent.add_body(
+            name=str(int(body.index())),
+            pos=X_PB.translation(),
+            quat=X_PB.rotation().ToQuaternion().wxyz(),
+        )
         M_B = body.default_spatial_inertia()
-        name, pose = str(int(body.index())), _pose(X_PF @ X_BM.inverse())
-        added = parent.add_body(name=name, **pose)
-        if (mass := M_B.get_mass()) > 0.0:
-            p_BCm = M_B.get_com()
-            I_BBcm = M_B.Shift(p_BCm).CalcRotationalInertia()
+        if M_B.get_mass() > 0.0:
+            I_BBcm = M_B.Shift(M_B.get_com()).CalcRotationalInertia()
             moments, axes = I_BBcm.CalcPrincipalMomentsAndAxesOfInertia()
-            added.explicitinertial, added.mass = True, mass
-            added.ipos, added.inertia = p_BCm, moments
+            added.explicitinertial = True
+            added.mass = M_B.get_mass()
+            added.ipos = M_B.get_com()
+            added.inertia = moments
             added.iquat = axes.ToQuaternion().wxyz()
         if joint.num_velocities():
             self._add_joint(added, joint, X_BM)
         self._bodies[body.index()] = added
         return added
 
-    def _add_joint(self, body: mujoco.MjsBody, joint: Joint, X_BM) -> None:
-        kind = joint.type_name()
-        if kind not in _JOINTS:
-            which = f"must be one of {', '.join(_JOINTS)} or fixed, for MuJoCo"
-            raise ValueError(f"joint {joint.name()}: type {kind}: {which}")
-        added = body.add_joint(name=str(int(joint.index())), type=_JOINTS[kind])
+    def _add_joint(self, body: Any, joint: Joint, X_BM: RigidTransform) -> None:
+        """Adds `joint` to its child, a body of MuJoCo's."""
+        require(
+            joint.type_name() in _JOINTS,
+            f"joint {joint.name()}: type {joint.type_name()}: must be one of "
+            f"{', '.join(_JOINTS)} or fixed, for MuJoCo",
+        )
+        added = body.add_joint(
+            name=str(int(joint.index())), type=_JOINTS[joint.type_name()]
+        )
         if joint.num_velocities() > 1:
             return
-        axis = joint.revolute_axis()
-        limits = joint.position_lower_limit(), joint.position_upper_limit()
-        added.pos, added.axis = X_BM.translation(), X_BM.rotation() @ axis
+        hinge = cast(RevoluteJoint, joint)
+        limits = hinge.position_lower_limit(), hinge.position_upper_limit()
+        added.pos = X_BM.translation()
+        added.axis = X_BM.rotation() @ hinge.revolute_axis()
         added.limited = bool(np.isfinite(limits).any())
         added.range = np.clip(limits, -1e6, 1e6)
-        added.solref_limit, added.solimp_limit = self._softness, _HARDNESS
+        added.solref_limit = self._softness
+        added.solimp_limit = _HARDNESS
         for actuator in actuators(self._plant):
             if actuator.joint().index() == joint.index():
                 added.armature = actuator.default_reflected_inertia()
@@ -107,126 +151,189 @@ class MujocoModel:
         pairs = sorted(inspector.GetCollisionCandidates())
         for shape in sorted({shape for pair in pairs for shape in pair}):
             self._add_shape(inspector, shape)
-        same = {"condim": 3, "solref": self._softness, "solimp": _HARDNESS}
-        for shapes in pairs:
-            a, b = (_friction(inspector, shape) for shape in shapes)
+        for first, second in pairs:
+            a, b = _friction(inspector, first), _friction(inspector, second)
             mu = 2.0 * a * b / (a + b) if a + b else 0.0  # Drake's rule
-            first, second = map(_name, shapes)
-            pair = {"geomname1": first, "geomname2": second, **same}
-            self._spec.add_pair(**pair, friction=[mu, mu, 0.0, 0.0, 0.0])
+            self._spec.add_pair(
+                geomname1=_name(first),
+                geomname2=_name(second),
+                condim=3,
+                solref=self._softness,
+                solimp=_HARDNESS,
+                friction=[mu, mu, 0.0, 0.0, 0.0],
+            )
 
-    def _add_shape(self, inspector: SceneGraphInspector, shape) -> None:
+    def _add_shape(
+        self, inspector: SceneGraphInspector, shape: GeometryId
+    ) -> None:
         body = self._plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-        what = inspector.GetShape(shape)
-        options = _pose(inspector.GetPoseInFrame(shape))
-        kind, size = _SHAPES.get(type(what), ("MESH", None))
-        if isinstance(what, geometry.Convex | geometry.Mesh):
+        X_BG = inspector.GetPoseInFrame(shape)
+        added = self._bodies[body.index()].add_geom(
+            name=_name(shape),
+            pos=X_BG.translation(),
+            quat=X_BG.rotation().ToQuaternion().wxyz(),
+            contype=0,
+            conaffinity=0,
+        )
+        form = inspector.GetShape(shape)
+        if isinstance(form, Convex | Mesh):
             # The convex hull, as in Drake.
-            points = hull_points(inspector, shape)
-            self._spec.add_mesh(name=_name(shape), uservert=np.ravel(points))
-            options["meshname"] = _name(shape)
-        elif size is not None:
-            options["size"] = size(what)
-        else:
-            name = f"shape {inspector.GetName(shape)}"
-            why = f"must not be a {type(what).__name__}, for MuJoCo"
-            raise ValueError(f"{name}: {why}")
-        options |= {"name": _name(shape), "contype": 0, "conaffinity": 0}
-        options["type"] = getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")
-        self._bodies[body.index()].add_geom(**options)
+            points = np.ravel(hull_points(inspector, shape))
+            self._spec.add_mesh(name=_name(shape), uservert=points)
+            added.type = mujoco.mjtGeom.mjGEOM_MESH
+            added.meshname = _name(shape)
+            return
+        require(
+            type(form) in _SHAPES,
+            f"shape {inspector.GetName(shape)}: must not be a "
+            f"{type(form).__name__}, for MuJoCo",
+        )
+        kind, size = _SHAPES[type(form)]
+        added.type = kind
+        added.size = size(form)
 
     def _find_columns(self) -> None:
         """Finds the index in the plant's q and v of each entry of MuJoCo's."""
         model = self.model
-        self._q, self._v = np.empty(model.nq, int), np.empty(model.nv, int)
+        self._q = np.empty(model.nq, int)
+        self._v = np.empty(model.nv, int)
         # Slices of quaternion and angular velocity of free bodies.
-        self._turning = []
+        self._turning: list[tuple[slice, slice]] = []
         for joint in self._inboard.values():
-            if not (size := joint.num_velocities()):
+            if joint.num_velocities() == 0:
                 continue
-            found = model.joint(str(int(joint.index())))
-            q, v = int(found.qposadr[0]), int(found.dofadr[0])
-            p, w = joint.position_start(), joint.velocity_start()
-            if size == 1:
-                self._q[q], self._v[v] = p, w
-                model.dof_damping[v] = joint.default_damping()
-                continue
-            self._q[q : q + 7] = p + np.array([4, 5, 6, 0, 1, 2, 3])
-            self._v[v : v + 6] = w + np.array([3, 4, 5, 0, 1, 2])
-            self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
+            address = model.joint(str(int(joint.index())))
+            q, v = int(address.qposadr[0]), int(address.dofadr[0])
+            q_drake, v_drake = joint.position_start(), joint.velocity_start()
+            if joint.num_velocities() == 1:
+                self._q[q] = q_drake
+                self._v[v] = v_drake
+                model.dof_damping[v] = joint.default_damping_vector()[0]
+            else:
+                self._q[q : q + 7] = q_drake + np.array([4, 5, 6, 0, 1, 2, 3])
+                self._v[v : v + 6] = v_drake + np.array([3, 4, 5, 0, 1, 2])
+                self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
         names = (model.body(i).name for i in model.geom_bodyid)
         self._body_of = [BodyIndex(int(n) if n.isdigit() else 0) for n in names]
 
     def rates(self, vector: Array) -> Array:
-        """Returns v, or its derivative, in Drake's order, from MuJoCo's."""
-        found, vector = np.empty(self.model.nv), vector.copy()
+        """Velocities, or accelerations, in Drake's order.
+
+        Args:
+            vector: v or its derivative (nv,), in MuJoCo's order.
+
+        Returns:
+            The same (nv,), angular ones of free bodies in W.
+        """
+        in_world = vector.copy()
         for quaternion, turning in self._turning:
-            w_B = vector[turning].copy()
             q_WB = self.data.qpos[quaternion]
-            mujoco.mju_rotVecQuat(vector[turning], w_B, q_WB)
-        found[self._v] = vector
-        return found
+            mujoco.mju_rotVecQuat(in_world[turning], vector[turning], q_WB)
+        ordered = np.empty(self.model.nv)
+        ordered[self._v] = in_world
+        return ordered
 
     def step(
-        self, x: Array, torques: Array, forces: Forces = ()
-    ) -> tuple[Array, list[mbp.PointPairContactInfo]]:
-        """Returns x a time step later, and the contacts on the way there.
+        self,
+        x: Array,
+        torques: Array,
+        forces: Iterable[ExternallyAppliedSpatialForce] = (),
+    ) -> tuple[Array, list[PointPairContactInfo]]:
+        """Integrates a time step; `data` is scratch.
 
-        `torques` (nu,) are those of the actuators.  `data` is scratch.
+        Args:
+            x: state [q, v] (nq + nv,).
+            torques: those of the actuators (nu,) [N m].
+            forces: external ones.
+
+        Returns:
+            The state after the step, and the contacts during it.
         """
         self.forward(x, torques, forces)
-        contacts, after = self._contacts(), np.empty_like(x)
+        contacts = self._contacts()
         mujoco.mj_Euler(self.model, self.data)
+        after = np.empty_like(x)
         after[self._q] = self.data.qpos
         after[self.model.nq :] = self.rates(self.data.qvel)
         return after, contacts
 
-    def forward(self, x: Array, torques: Array, forces: Forces = ()) -> None:
+    def forward(
+        self,
+        x: Array,
+        torques: Array,
+        forces: Iterable[ExternallyAppliedSpatialForce] = (),
+    ) -> None:
         """Computes accelerations and contact forces in `data`.
 
         It does not call mj_step, which resets a state that diverges.
+
+        Args:
+            x: state [q, v] (nq + nv,).
+            torques: those of the actuators (nu,) [N m].
+            forces: external ones.
         """
-        model, data, inverse = self.model, self.data, np.empty(4)
-        data.qpos[:], data.qvel[:] = x[self._q], x[model.nq + self._v]
+        model, data = self.model, self.data
+        data.qpos[:] = x[self._q]
+        data.qvel[:] = x[model.nq + self._v]
+        inverse = np.empty(4)
         for quaternion, turning in self._turning:  # MuJoCo has w in B
             mujoco.mju_negQuat(inverse, data.qpos[quaternion])
             w_W = data.qvel[turning].copy()
             mujoco.mju_rotVecQuat(data.qvel[turning], w_W, inverse)
-        torques = np.clip(torques, *self._efforts)  # as Drake's plant does
+        # As Drake's plant does.
+        torques = np.clip(torques, self._lower_efforts, self._upper_efforts)
         data.qfrc_applied[:] = (self._actuation @ torques)[self._v]
         mujoco.mj_fwdPosition(model, data)
         for force in forces:
             body = model.body(str(int(force.body_index))).id
             R_WB = data.xmat[body].reshape(3, 3)
-            point, F = data.xpos[body] + R_WB @ force.p_BoBq_B, force.F_Bq_W
-            wrench = F.translational(), F.rotational(), point
-            mujoco.mj_applyFT(model, data, *wrench, body, data.qfrc_applied)
-        mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_POS, 1)
+            mujoco.mj_applyFT(
+                m=model,
+                d=data,
+                force=force.F_Bq_W.translational(),
+                torque=force.F_Bq_W.rotational(),
+                point=data.xpos[body] + R_WB @ force.p_BoBq_B,
+                body=body,
+                qfrc_target=data.qfrc_applied,
+            )
+        mujoco.mj_forwardSkip(
+            m=model, d=data, skipstage=mujoco.mjtStage.mjSTAGE_POS, skipsensor=1
+        )
 
-    def _contacts(self) -> list[mbp.PointPairContactInfo]:
+    def _contacts(self) -> list[PointPairContactInfo]:
         """The present contacts as Drake's type, with zero speeds."""
-        found, wrench, contacts = [], np.zeros(6), self.data.contact
-        info, pair = mbp.PointPairContactInfo, geometry.PenetrationAsPointPair
+        contacts = self.data.contact
+        infos = []
+        wrench = np.zeros(6)
         for i in range(self.data.ncon):
             mujoco.mj_contactForce(self.model, self.data, i, wrench)
-            bodies = [self._body_of[geom] for geom in contacts.geom[i]]
-            force = wrench[:3] @ contacts.frame[i].reshape(3, 3)
-            point = contacts.pos[i]
-            found.append(info(*bodies, force, point, 0.0, 0.0, pair()))
-        return found
+            body_A, body_B = (self._body_of[geom] for geom in contacts.geom[i])
+            infos.append(
+                PointPairContactInfo(
+                    bodyA_index=body_A,
+                    bodyB_index=body_B,
+                    f_Bc_W=wrench[:3] @ contacts.frame[i].reshape(3, 3),
+                    p_WC=contacts.pos[i],
+                    separation_speed=0.0,
+                    slip_speed=0.0,
+                    point_pair=PenetrationAsPointPair(),
+                )
+            )
+        return infos
 
 
-def _empty_spec(plant: mbp.MultibodyPlant) -> mujoco.MjSpec:
+def _empty_spec(plant: MultibodyPlant) -> Any:
+    """A MjSpec with the options of a plant."""
     spec = mujoco.MjSpec()
-    spec.compiler.degree = spec.compiler.inertiafromgeom = False
-    option = spec.option
-    option.timestep = plant.time_step()
-    option.gravity = plant.gravity_field().gravity_vector()
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = _FRICTION_IMPEDANCE
+    spec.compiler.degree = False
+    spec.compiler.inertiafromgeom = False
+    spec.option.timestep = plant.time_step()
+    spec.option.gravity = plant.gravity_field().gravity_vector()
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = _FRICTION_IMPEDANCE
     # Without a warm start, a step depends on state and inputs only.
-    option.disableflags = mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_WARMSTART
     return spec
 
 
@@ -234,11 +341,10 @@ def _name(shape: GeometryId) -> str:
     return str(shape.get_value())
 
 
-def _pose(X: RigidTransform) -> dict:
-    return {"pos": X.translation(), "quat": X.rotation().ToQuaternion().wxyz()}
-
-
 def _friction(inspector: SceneGraphInspector, shape: GeometryId) -> float:
-    properties = inspector.GetProximityProperties(shape)
-    friction = properties.GetProperty("material", "coulomb_friction")
-    return friction.dynamic_friction()
+    properties: Any = inspector.GetProximityProperties(shape)
+    return float(
+        properties.GetProperty(
+            "material", "coulomb_friction"
+        ).dynamic_friction()
+    )

@@ -1,175 +1,255 @@
 """What the joints of the legs can do: to stand, in the air, at the ankle."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.multibody import inverse_kinematics as ik
+from pydrake.multibody.inverse_kinematics import (
+    ComPositionConstraint,
+    InverseKinematics,
+)
 from pydrake.multibody.tree import JacobianWrtVariable, Joint
 from pydrake.solvers import SnoptSolver
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side
-from nadia_balance.robot import plants
+from nadia_balance.robot.plants import (
+    actuators,
+    effort_limits,
+    is_pitch,
+    joints_above,
+)
 from nadia_balance.robot.urdf import require
 
-_WAYS = np.eye(6)[:, 3:5]  # [w, v] of a foot that moves along x, along y
+if TYPE_CHECKING:
+    from nadia_balance.robot.model import RobotModel
+
+_HORIZONTAL = np.eye(6)[:, 3:5]  # [w, v] of a foot that moves along x, along y
 # Peak over mean speed of a quintic from rest to rest [-], and share of the
-# joints' speed for the way over the ground: the rest lifts the foot.
+# joints' speed for the path over the ground: the rest lifts the foot.
 _PEAK, _SHARE = 1.875, 0.7
 _DIGITS = 4  # of lengths [m], more than any drive is known to
 
 
 class StandingLegs:
-    """The legs of a RobotModel that stands at `q` (nq,), at rest."""
+    """The legs of a robot that stands at rest.
 
-    def __init__(self, robot, q: Array):
-        self.robot, self.plant = robot, robot.control_plant()
+    Args:
+        robot: a RobotModel.
+        q: its positions (nq,).
+    """
+
+    def __init__(self, robot: RobotModel, q: Array) -> None:
+        self.robot = robot
+        self.plant = robot.control_plant()
         self.context = self.plant.CreateDefaultContext()
-        self.plant.SetPositions(self.context, q)
+        self.plant.SetPositions(self.context, cast(Any, q))
 
     def check_standing(self) -> None:
-        """Raises ValueError if a joint is too weak for the robot to stand.
+        """Checks that the robot can stand on both feet.
 
         Half of its weight is at the centre of either sole.
+
+        Raises:
+            ValueError: a joint is too weak.
         """
         torques = self.standing_torques(dict.fromkeys(Side, 0.5))
-        for drive in plants.actuators(self.plant):
-            joint, limit = drive.joint(), drive.effort_limit()
-            needed = abs(torques[joint.velocity_start()])
-            what = f"effort limit of {joint.name()} = {limit:g}"
-            must = f"must be >= {needed:.0f} N m, for the robot to stand"
-            require(needed <= limit, f"{what}: {must}")
+        for drive in actuators(self.plant):
+            needed = abs(torques[drive.joint().velocity_start()])
+            require(
+                needed <= drive.effort_limit(),
+                f"effort limit of {drive.joint().name()} = "
+                f"{drive.effort_limit():g}: must be >= {needed:.0f} N m, for "
+                "the robot to stand",
+            )
 
     def standing_torques(self, shares: Mapping[Side, float]) -> Array:
-        """Torques (nv,) [N m] for `shares` of the weight at sole centres."""
-        plant, context = self.plant, self.context
-        gravity = plant.gravity_field().gravity_vector()
-        weight = -plant.CalcTotalMass(context) * gravity
-        torques = -plant.CalcGravityGeneralizedForces(context)
+        """Torques that hold the robot: tau = -tau_g - sum_i J_i' F_i.
+
+        Args:
+            shares: of the weight that act at the centres of these soles.
+
+        Returns:
+            Torques (nv,) [N m], in the order of v.
+        """
+        plant = self.plant
+        weight = -plant.CalcTotalMass(self.context) * np.asarray(
+            plant.gravity_field().gravity_vector()
+        )
+        torques = -np.asarray(plant.CalcGravityGeneralizedForces(self.context))
         for side, share in shares.items():
             torques -= share * weight @ self._jacobian(side)[3:]
         return torques
 
     def foot_limits(self, speeds: Array) -> tuple[float, float]:
-        """Returns the acceleration [m/s^2] and mean speed [m/s] of the feet.
+        """The largest acceleration and mean speed of a foot: J qdd = d a.
 
-        They are the largest possible ones of the worse foot in the worst
-        horizontal direction d, with the pelvis at rest and the sole level.  The
-        acceleration a is that at which the first joint's torque is at its
-        limit: J qdd = d a, tau = M qdd + gravity.  The speed follows in the
-        same way from the joints' limits `speeds` (nj,) [rad/s].
+        They are those of the worse foot in the worst horizontal direction d,
+        with the pelvis at rest and the sole level.  The acceleration a is that
+        at which the first joint's torque, tau = M qdd + gravity, is at its
+        limit; the speed follows in the same way from the joints' speeds.
+
+        Args:
+            speeds: speed limits (nj,) [rad/s] of the joints.
+
+        Returns:
+            Acceleration [m/s^2] and mean speed [m/s].
         """
-        plant, context = self.plant, self.context
-        M, effort = plant.CalcMassMatrix(context), plants.effort_limits(plant)
-        room = effort - np.abs(plant.CalcGravityGeneralizedForces(context))
-        fastest = np.append(np.zeros(6), speeds)
-        found = []
+        plant = self.plant
+        M = plant.CalcMassMatrix(self.context)
+        room = effort_limits(plant) - np.abs(
+            plant.CalcGravityGeneralizedForces(self.context)
+        )
+        speed_limits = np.append(np.zeros(6), speeds)
+        limits = []
         for side, foot in self.robot.foot_bodies.items():
-            joints = plants.joints_above(plant, foot)
-            leg = [joint.velocity_start() for joint in joints]
-            J = self._jacobian(side)[:, leg]
-            motion = np.linalg.lstsq(J, _WAYS, rcond=None)[0]
+            leg = [
+                joint.velocity_start() for joint in joints_above(plant, foot)
+            ]
+            motion = np.linalg.lstsq(
+                self._jacobian(side)[:, leg], _HORIZONTAL, rcond=None
+            )[0]
             # The largest of x cos(s) + y sin(s) over all directions s.
-            speed = np.hypot(*motion.T)
-            torque = np.hypot(*(M[np.ix_(leg, leg)] @ motion).T)
+            torques = np.hypot(*(M[np.ix_(leg, leg)] @ motion).T)
             with np.errstate(divide="ignore"):
-                a = np.maximum(room[leg], 0.0) / torque
-                v = fastest[leg] / speed
-            found.append((a.min(), v.min() * _SHARE / _PEAK))
-        acceleration, speed = np.min(found, axis=0)
+                accelerations = np.maximum(room[leg], 0.0) / torques
+                foot_speeds = speed_limits[leg] / np.hypot(*motion.T)
+            limits.append(
+                (accelerations.min(), foot_speeds.min() * _SHARE / _PEAK)
+            )
+        acceleration, speed = np.min(limits, axis=0)
         return round(float(acceleration), 1), round(float(speed), 2)
 
     def cop_area(self, sole: Array) -> Array:
-        """Returns the part (4, 2) [m] of the `sole` where ankles hold the CoP.
+        """The part of the sole where the ankles hold the CoP.
 
-        It is the rectangle, in the sole frame, at whose edges the first ankle
-        joint reaches its torque limit under the robot's whole weight.  Ankle
-        joints are those between the foot and the knee, which is the second
-        pitch axis above the foot; other legs hold the whole `sole` (4, 2).
+        It is the rectangle at whose edges the first ankle joint reaches its
+        torque limit under the robot's whole weight.  Ankle joints are those
+        between the foot and the knee, which is the second pitch axis above the
+        foot; other legs hold the whole sole.
 
-        Raises ValueError: an ankle cannot carry the robot anywhere on the sole.
+        Args:
+            sole: corners (4, 2) [m] of the sole, in its frame.
+
+        Returns:
+            Corners (4, 2) [m] in the frame of the sole.
+
+        Raises:
+            ValueError: an ankle cannot carry the robot anywhere on the sole.
         """
-        effort = plants.effort_limits(self.plant)
+        effort = effort_limits(self.plant)
         weight = self.plant.CalcTotalMass(self.context) * GRAVITY
         low, high = sole.min(axis=0), sole.max(axis=0)
         for side, foot in self.robot.foot_bodies.items():
-            at = self._jacobian(side)
+            J = self._jacobian(side)
             for joint in self._ankle(foot):
                 i = joint.velocity_start()
-                # Torque per unit of vertical force at the sole's centre, and
-                # its change along x and across y of the level sole.
-                change = np.array([-at[1, i], at[0, i]])
+                # Torque per unit of vertical force at the sole's centre, J[5],
+                # and its change along x and across y of the level sole.
+                change = np.array([-J[1, i], J[0, i]])
                 axis = int(np.abs(change).argmax())
-                slope, bias = change[axis], at[5, i]
-                most = effort[i] / weight
-                ends = (np.array([-most, most]) - bias) / slope
+                lever = effort[i] / weight
+                ends = (np.array([-lever, lever]) - J[5, i]) / change[axis]
                 near, far = sorted(ends.round(_DIGITS).tolist())
                 low[axis] = max(low[axis], near)
                 high[axis] = min(high[axis], far)
-                if not low[axis] < high[axis]:
-                    what = f"effort limit of {joint.name()} = {effort[i]:g}"
-                    why = f"must hold the weight of {weight:.0f} N somewhere"
-                    raise ValueError(f"{what}: {why} on the sole")
+                require(
+                    low[axis] < high[axis],
+                    f"effort limit of {joint.name()} = {effort[i]:g}: must "
+                    f"hold the weight of {weight:.0f} N somewhere on the sole",
+                )
         low[1] = max(low[1], -high[1])  # alike for both feet
         high[1] = -low[1]
         return sole.clip(low, high)
 
     def _jacobian(self, side: Side) -> Array:
         """Jacobian (6, nv) [w, v] of the centre of a sole, in W."""
-        foot = self.plant.GetFrameByName(self.robot.foot_bodies[side])
-        point = foot, self.robot.X_FootSole[side].translation()
-        frames = 2 * [self.plant.world_frame()]
-        return self.plant.CalcJacobianSpatialVelocity(
-            self.context, JacobianWrtVariable.kV, *point, *frames
+        J = self.plant.CalcJacobianSpatialVelocity(
+            context=self.context,
+            with_respect_to=JacobianWrtVariable.kV,
+            frame_B=self.plant.GetFrameByName(self.robot.foot_bodies[side]),
+            p_BoBp_B=self.robot.X_FootSole[side].translation(),
+            frame_A=self.plant.world_frame(),
+            frame_E=self.plant.world_frame(),
         )
+        return np.asarray(J)
 
     def _ankle(self, foot: str) -> list[Joint]:
         """The joints between foot and knee; none if there is no such knee."""
-        above = plants.joints_above(self.plant, foot)
-        is_pitch = [plants.is_pitch(joint, self.context) for joint in above]
-        pitches = np.flatnonzero(is_pitch)
+        above = joints_above(self.plant, foot)
+        pitches = np.flatnonzero([is_pitch(j, self.context) for j in above])
         return above[: pitches[1]] if len(pitches) > 1 else []
 
 
-class StandingKinematics(ik.InverseKinematics):
-    """Inverse kinematics with level soles and a bounded centre of mass."""
+class StandingKinematics(InverseKinematics):
+    """Inverse kinematics with level soles and a bounded centre of mass.
 
-    def __init__(self, robot, places: Array, com: tuple[ArrayLike, ArrayLike]):
-        """Constrains a RobotModel, alone in the `plant`.
+    Both soles are on the plane z = 0 of W, with x forward.
 
-        `places` (2, 2) [m] are left and right sole centre on the plane z = 0 of
-        W, `com` the least and the largest position (3,) [m] of the CoM in W.
-        """
-        self.plant = plant = robot.control_plant()
-        super().__init__(plant)
-        world, free = plant.world_frame(), np.inf
+    Args:
+        robot: a RobotModel, alone in the `plant`.
+        places: positions (2, 2) [m] of the left and the right sole centre.
+        com: least and largest position (3,) [m] of the CoM in W.
+    """
+
+    def __init__(
+        self, robot: RobotModel, places: Array, com: tuple[ArrayLike, ArrayLike]
+    ) -> None:
+        self.plant = robot.control_plant()
+        super().__init__(self.plant)
+        free = np.inf
         for side, (x, y) in zip(Side, places, strict=True):
-            foot = plant.GetFrameByName(robot.foot_bodies[side])
             p_FS = robot.X_FootSole[side].translation()
             # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
-            for p_S, low, high in (
+            points: Any = (
                 ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
                 ([0.1, 0.0, 0.0], [-free, y, 0.0], [free, y, 0.0]),
                 ([0.0, 0.1, 0.0], [-free, -free, 0.0], [free, free, 0.0]),
-            ):
-                self.AddPositionConstraint(foot, p_FS + p_S, world, low, high)
-        prog = self.prog()
-        self._com = prog.NewContinuousVariables(3, "com")
-        prog.AddBoundingBoxConstraint(*com, self._com)
-        context = self.get_mutable_context()
-        at_com = ik.ComPositionConstraint(plant, None, world, context)
-        prog.AddConstraint(at_com, [*self.q(), *self._com])
+            )
+            for p_SQ, lower, upper in points:
+                self.AddPositionConstraint(
+                    frameB=self.plant.GetFrameByName(robot.foot_bodies[side]),
+                    p_BQ=p_FS + p_SQ,
+                    frameA=self.plant.world_frame(),
+                    p_AQ_lower=lower,
+                    p_AQ_upper=upper,
+                )
+        # MathematicalProgram takes more than its stubs say.
+        self._program = cast(Any, self.prog())
+        self._com = self._program.NewContinuousVariables(3, "com")
+        self._program.AddBoundingBoxConstraint(*com, self._com)
+        self._program.AddConstraint(
+            ComPositionConstraint(
+                plant=self.plant,
+                model_instances=None,
+                expressed_frame=self.plant.world_frame(),
+                plant_context=self.get_mutable_context(),
+            ),
+            [*self.q(), *self._com],
+        )
 
-    def nearest(self, q: Array, com: ArrayLike, weight=1.0) -> Array | None:
-        """Returns the positions (nq,) nearest to `q`; None if there are none.
+    def nearest(
+        self, q: Array, com: ArrayLike, weight: float = 1.0
+    ) -> Array | None:
+        """Minimises weight |q - q_0|^2 subject to these constraints.
 
-        The search begins at `q` (nq,) and the CoM `com` (3,) [m].
+        Args:
+            q: desired positions q_0 (nq,), where the search begins.
+            com: CoM (3,) [m] in W where the search begins.
+            weight: of the cost; the solution may depend on it by rounding.
+
+        Returns:
+            The positions (nq,); None if there are none.
         """
-        prog = self.prog()
-        prog.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
-        prog.SetInitialGuess(self.q(), q)
-        prog.SetInitialGuess(self._com, com)
-        result = SnoptSolver().Solve(prog)
-        return result.GetSolution(self.q()) if result.is_success() else None
+        program = self._program
+        program.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
+        program.SetInitialGuess(self.q(), q)
+        program.SetInitialGuess(self._com, com)
+        result = SnoptSolver().Solve(program)
+        if not result.is_success():
+            return None
+        return np.asarray(result.GetSolution(self.q()))

@@ -7,8 +7,11 @@ import numpy as np
 from pydrake.math import RotationMatrix
 
 from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
+from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import (
+    BACKWARD,
     BASE,
+    FORWARD,
     ReachabilityParams,
     step_regions,
 )
@@ -16,76 +19,112 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.gait import Gait
 from nadia_balance.core.walking.state import FootPose
 from nadia_balance.parameters.scaling import scaled
-from nadia_balance.robot import plants
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import (
+    actuators,
+    effort_limits,
+    is_pitch,
+    joints_above,
+)
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
 _LEVEL = 0.01  # tolerance of the planned CoM height [m]
 _BESIDE = 0.05  # the CoM is in the feet's bounding box, grown by this [m]
 _LESS = 0.95  # factor on the lengths in each iteration
 _NARROWER = 0.04  # reduction of widths in each iteration [leg length]
-_TURNS = 24  # largest number of iterations
+_ITERATIONS = 24  # largest number of iterations
 _NEAR = 0.9  # share of a limit from which a margin is short [-]
 _HELD = 0.6  # share of the sole below which it is short [-]
 
 
 def stride(robot: RobotModel, foothold: Array) -> Array | None:
-    """Positions (nq,), the left foot at `foothold` (2,) [m], the right at 0.
+    """Positions of a robot in a stride, by inverse kinematics.
 
-    None if the legs do not get there.  Both soles are flat, the CoM is between
-    them at the height of the height plan, the pelvis nearly upright, and all
-    joints are within their limits.
+    Both soles are flat, the CoM is between them at the height of the height
+    plan, the pelvis nearly upright, and all joints are within their limits.
+
+    Args:
+        robot: the robot.
+        foothold: position (2,) [m] of the left sole; the right one is at 0.
+
+    Returns:
+        Positions (nq,); None if the legs do not get there.
     """
-    model, other = robot.point_mass, FootPose(np.append(foothold, 0.0))
-    height = ComHeight(ComHeightParams(), model).height_limit(FootPose(), other)
+    model = robot.point_mass
+    height = ComHeight(ComHeightParams(), model).height_limit(
+        FootPose(), FootPose(np.append(foothold, 0.0))
+    )
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
     low = [*(feet.min(axis=0) - _BESIDE), height - _LEVEL]
     high = [*(feet.max(axis=0) + _BESIDE), height + _LEVEL]
     ik = StandingKinematics(robot, feet, (low, high))
-    pelvis = ik.plant.GetFrameByName(robot.pelvis_body)
-    world, upright = ik.plant.world_frame(), RotationMatrix()
-    ik.AddOrientationConstraint(world, upright, pelvis, upright, _TILT)
-    guess, middle = robot.standing_positions(), 0.5 * foothold
-    guess[4:6] = middle
+    ik.AddOrientationConstraint(
+        frameAbar=ik.plant.world_frame(),
+        R_AbarA=RotationMatrix(),
+        frameBbar=ik.plant.GetFrameByName(robot.pelvis_body),
+        R_BbarB=RotationMatrix(),
+        theta_bound=_TILT,
+    )
+    guess = robot.standing_positions()
+    guess[4:6] = 0.5 * foothold
     guess[6] += height - model.com_height
-    return ik.nearest(guess, [*middle, height], weight=0.01)
+    return ik.nearest(guess, [*guess[4:6], height], weight=0.01)
 
 
 def reach_within(robot: RobotModel) -> tuple[ReachabilityParams, set[str]]:
-    """Returns a reach that inverse kinematics confirms, and failed regions.
+    """A reach that inverse kinematics confirms.
 
     Regions shrink until their corners and midpoints of edges are reached, but
     for those beside the stance leg, which are no steps: the cross-over widths,
     or, if the base region is too large or no such width can shrink, lengths and
-    largest width.  Regions have failed if the last iteration left some out.
+    largest width.
+
+    Args:
+        robot: the robot.
+
+    Returns:
+        The reach, and the regions that have failed: the last iteration left
+        some of their points out.
     """
-    reach, leg = robot.point_mass.reach, robot.params.legs.length
+    reach = robot.point_mass.reach
     detour = robot.point_mass.detour
-    missed: list[tuple[str, Array]] = []
-    for _ in range(_TURNS):
+    missed: list[tuple[str, float]] = []
+    for _ in range(_ITERATIONS):
         missed = [
-            (name, (x, y))
-            for name, polygon in step_regions(reach, True).items()
+            (name, y)
+            for name, polygon in step_regions(reach, cross_over=True).items()
             for x, y in _around(polygon)
             if abs(x) >= detour.ahead or y >= detour.beside
             if stride(robot, np.array([x, y])) is None
         ]
         if not missed:
             break
-        less, nominal = {}, reach.width_nominal
-        for name, (_, y) in missed:
-            if name != BASE and y < nominal:
-                width = getattr(reach, f"width_{name}") - _NARROWER * leg
-                less[f"width_{name}"] = max(width, -0.9 * nominal)
-        narrower = replace(reach, **less)
-        if narrower == reach or any(name == BASE for name, _ in missed):
-            names = "length_forward", "length_backward", "width_max"
-            less = {name: _LESS * getattr(reach, name) for name in names}
-            less["width_max"] = max(less["width_max"], 1.01 * nominal)
-            narrower = replace(reach, **less)
-        reach = narrower
+        reach = _shrunk(reach, missed, _NARROWER * robot.params.legs.length)
     return reach, {name for name, _ in missed}
+
+
+def _shrunk(
+    reach: ReachabilityParams, missed: list[tuple[str, float]], step: float
+) -> ReachabilityParams:
+    """A smaller reach, for `missed` points: region, y [m]; `step` in [m]."""
+    crossed = {name for name, y in missed if y < reach.width_nominal}
+    least = -0.9 * reach.width_nominal
+    narrower = reach
+    if FORWARD in crossed:
+        width = max(reach.width_forward - step, least)
+        narrower = replace(narrower, width_forward=width)
+    if BACKWARD in crossed:
+        width = max(reach.width_backward - step, least)
+        narrower = replace(narrower, width_backward=width)
+    if narrower != reach and all(name != BASE for name, _ in missed):
+        return narrower
+    return replace(
+        reach,
+        length_forward=_LESS * reach.length_forward,
+        length_backward=_LESS * reach.length_backward,
+        width_max=max(_LESS * reach.width_max, 1.01 * reach.width_nominal),
+    )
 
 
 def _around(polygon: Array) -> Array:
@@ -94,83 +133,118 @@ def _around(polygon: Array) -> Array:
 
 
 def too_weak(robot: RobotModel) -> list[str]:
-    """Returns a warning of each joint by which one leg cannot carry the robot.
+    """Warnings of the joints by which one leg cannot carry the robot.
 
     It stands in its posture, its whole weight at the centre of a sole.
+
+    Args:
+        robot: the robot.
+
+    Returns:
+        The warnings, one line each.
     """
     legs = StandingLegs(robot, robot.standing_positions())
-    limits, found = plants.effort_limits(legs.plant), []
+    limits = effort_limits(legs.plant)
+    warnings = []
     for side, foot in robot.foot_bodies.items():
         needed = np.abs(legs.standing_torques({side: 1.0}))
-        for joint in plants.joints_above(legs.plant, foot):
+        for joint in joints_above(legs.plant, foot):
             i = joint.velocity_start()
             if needed[i] > limits[i]:
-                what = f"effort limit of {joint.name()}, {limits[i]:g} N m"
-                why = f"to carry it, one leg needs {needed[i]:.0f} N m"
-                found.append(f"warning: {what}: {why}")
-    return found
+                warnings.append(
+                    f"warning: effort limit of {joint.name()}, {limits[i]:g} "
+                    f"N m: to carry it, one leg needs {needed[i]:.0f} N m"
+                )
+    return warnings
 
 
 def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
-    """Returns a table of the legs' margins, and a warning of each short one.
+    """A table of the legs' margins.
 
-    `torques` and `speeds` (nu,) are the largest of the drives in a walk, over
-    their limits.  The CoP that an ankle holds is that of `cop_area`; a knee at
-    the reach carries the robot alone, the feet at the ends of a longest step.
+    The CoP that an ankle holds is that of `cop_area`; a knee at the reach
+    carries the robot alone, the feet at the ends of a longest step.
+
+    Args:
+        robot: the robot.
+        torques: largest torques (nu,) of the drives in a walk, over their
+            limits [-].
+        speeds: largest speeds (nu,), likewise [-].
+
+    Returns:
+        The lines of the table, and a warning of each margin that is short.
     """
-    plant, short = robot.control_plant(), []
-    drives = [drive.joint().name() for drive in plants.actuators(plant)]
-    left, right = (
-        [joint.name() for joint in plants.joints_above(plant, foot)[::-1]]
-        for foot in robot.foot_bodies.values()
-    )
-    lines = [f"{'margins, in place':40} torque  speed"]
-    for pair in zip(left, right, strict=True):
-        i = max(map(drives.index, pair), key=torques.__getitem__)
-        name, torque, speed = drives[i], torques[i], speeds[i]
-        lines.append(f"  {name:38} {torque:5.0%}  {speed:5.0%}")
-        for what, share in (("torque", torque), ("speed", speed)):
-            if share > _NEAR:
-                short.append(f"{what} of {name}, {share:.0%} in place")
+    drive_lines, short_drives = _drive_margins(robot, torques, speeds)
+    cop_lines, short_ankles = _cop_margins(robot.point_mass)
+    short = [*short_drives, *short_ankles]
     model = robot.point_mass
-    for what, i in (("ahead and behind", 0), ("aside", 1)):
-        (ahead, behind), (toe, heel) = (
-            (100.0 * sole[:, i].max(), -100.0 * sole[:, i].min())
-            for sole in (model.cop_area, model.sole)
-        )
-        lines.append(
-            f"  ankles hold the CoP {what}: {ahead:.1f} and {behind:.1f} cm, "
-            f"of the sole's {toe:.1f} and {heel:.1f} cm"
-        )
-        if min(ahead / toe, behind / heel) < _HELD:
-            short.append(f"torque of the ankles, CoP {what}")
     swing = scaled(Gait(), robot.params.size).swing_duration
     least = model.detour.time_from_rest(model.reach.length_forward)
-    lines.append(f"  a foot is at the reach in {least:.2f} s of {swing:.2f} s")
     if least > swing:
         short.append("speed of the leg joints, to be at the reach in a swing")
     name, knee = _knee_at_reach(robot)
-    lines.append(f"  one knee carries all, feet at the reach: {knee:.0%}")
     if knee > 1.0:
         short.append(f"torque of {name} to rise from the reach on one leg")
-    return lines + [f"warning: short: {each}" for each in short]
+    return [
+        f"{'margins, in place':40} torque  speed",
+        *drive_lines,
+        *cop_lines,
+        f"  a foot is at the reach in {least:.2f} s of {swing:.2f} s",
+        f"  one knee carries all, feet at the reach: {knee:.0%}",
+        *(f"warning: short: {margin}" for margin in short),
+    ]
+
+
+def _drive_margins(
+    robot: RobotModel, torques: Array, speeds: Array
+) -> tuple[list[str], list[str]]:
+    """Lines of the drives of both legs, and what is short."""
+    plant = robot.control_plant()
+    drives = [drive.joint().name() for drive in actuators(plant)]
+    left, right = (
+        [drives.index(joint.name()) for joint in joints_above(plant, foot)]
+        for foot in robot.foot_bodies.values()
+    )
+    lines, short = [], []
+    for pair in zip(left[::-1], right[::-1], strict=True):
+        i = max(pair, key=torques.__getitem__)
+        lines.append(f"  {drives[i]:38} {torques[i]:5.0%}  {speeds[i]:5.0%}")
+        for quantity, share in ("torque", torques[i]), ("speed", speeds[i]):
+            if share > _NEAR:
+                short.append(f"{quantity} of {drives[i]}, {share:.0%} in place")
+    return lines, short
+
+
+def _cop_margins(model: PointMassModel) -> tuple[list[str], list[str]]:
+    """Lines of the CoP that the ankles hold, and what is short."""
+    lines, short = [], []
+    for direction, i in ("ahead and behind", 0), ("aside", 1):
+        area, sole = 100.0 * model.cop_area[:, i], 100.0 * model.sole[:, i]
+        ahead, behind = area.max(), -area.min()
+        toe, heel = sole.max(), -sole.min()
+        lines.append(
+            f"  ankles hold the CoP {direction}: {ahead:.1f} and {behind:.1f} "
+            f"cm, of the sole's {toe:.1f} and {heel:.1f} cm"
+        )
+        if min(ahead / toe, behind / heel) < _HELD:
+            short.append(f"torque of the ankles, CoP {direction}")
+    return lines, short
 
 
 def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     """The knee with the largest torque over its limit, and that."""
-    plant, reach = robot.control_plant(), robot.point_mass.reach
-    foothold = np.array([reach.length_forward, reach.width_nominal])
-    q = stride(robot, foothold)
+    reach = robot.point_mass.reach
+    q = stride(robot, np.array([reach.length_forward, reach.width_nominal]))
     if q is None:
         return "the knees", np.inf
-    legs, found = StandingLegs(robot, q), []
-    limits = plants.effort_limits(plant)
+    legs = StandingLegs(robot, q)
+    limits = effort_limits(legs.plant)
+    knees = []
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
-        above = plants.joints_above(legs.plant, foot)
-        pitches = [j for j in above if plants.is_pitch(j, legs.context)]
+        above = joints_above(legs.plant, foot)
+        pitches = [j for j in above if is_pitch(j, legs.context)]
         if len(pitches) > 1:
             i = pitches[1].velocity_start()
-            found.append((abs(torques[i]) / limits[i], pitches[1].name()))
-    ratio, name = max(found, default=(np.inf, "the knees"))
+            knees.append((abs(torques[i]) / limits[i], pitches[1].name()))
+    ratio, name = max(knees, default=(np.inf, "the knees"))
     return name, float(ratio)

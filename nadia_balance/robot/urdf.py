@@ -3,22 +3,36 @@
 import contextlib
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar, cast
 from xml.etree import ElementTree
 
 import numpy as np
-from pydrake import geometry
-from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.geometry import (
+    Capsule,
+    Convex,
+    GeometryId,
+    Mesh,
+    SceneGraphInspector,
+    Sphere,
+)
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    ModelInstanceIndex,
+    RevoluteJoint,
+)
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.plants import actuators, is_pitch, joints, joints_above
+
+T = TypeVar("T")
 
 _MESHES = (".obj", ".gltf", ".vtk", ".stl", ".dae")
 _JOINTS = ("revolute", "continuous", "fixed")
@@ -27,26 +41,43 @@ _DIGITS = 3  # lengths are rounded to millimetres
 
 
 @contextlib.contextmanager
-def naming(what: str) -> Iterator[None]:
-    """Turns errors of its block into a ValueError that begins with `what`."""
+def naming(source: str) -> Iterator[None]:
+    """Turns errors of its block into a ValueError that names their source.
+
+    Args:
+        source: what the message begins with.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        ValueError: with the message of the error, on one line.
+    """
     try:
         yield
     # SystemExit is how pydrake reports a condition of Drake's own code.
     except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{what}: {reason}") from error
+        raise ValueError(f"{source}: {' '.join(str(error).split())}") from error
 
 
 def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:
-    """Adds the robot in `urdf` to a `plant` that is not finalized yet.
+    """Adds the robot of a URDF to a plant.
 
-    Raises ValueError: the URDF is malformed; Drake's warnings count as errors,
-    because Drake then substitutes values of its own.
+    Args:
+        plant: not finalized yet.
+        urdf: file.
+
+    Returns:
+        The robot's model instance.
+
+    Raises:
+        ValueError: the URDF is malformed; Drake's warnings count as errors,
+            because Drake then substitutes values of its own.
     """
     parser = Parser(plant)
     parser.SetStrictParsing()
     with naming(f"urdf = {urdf}"):
-        instance = parser.AddModels(str(urdf))[0]
+        instance = parser.AddModels(urdf)[0]
         _add_actuators(plant, instance, urdf)
     return instance
 
@@ -54,35 +85,54 @@ def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:
 def check_urdf(urdf: Path) -> None:
     """Checks values that Drake accepts unchecked, or for which it aborts.
 
-    Raises ValueError: a value is out of range; SyntaxError: `urdf` is no XML.
+    Args:
+        urdf: file.
+
+    Raises:
+        ValueError: a value is out of range.
+        SyntaxError: the file is no XML.
     """
     root = ElementTree.parse(urdf).getroot()
-    endings, kinds = ", ".join(_MESHES), ", ".join(_JOINTS)
     for link in root.iter("link"):
         name = link.get("name")
         for mass in link.iter("mass"):
-            _positive(f"mass of {name}", mass.get("value"), "kg")
+            _require_positive(f"mass of {name}", mass.get("value"), "kg")
         for mesh in link.iter("mesh"):
             file = mesh.get("filename", "")
-            must = f"mesh of {name} = {file!r}: must end in {endings}"
-            require(file.lower().endswith(_MESHES), must)
+            require(
+                file.lower().endswith(_MESHES),
+                f"mesh of {name} = {file!r}: must end in {', '.join(_MESHES)}",
+            )
     for joint in root.findall("joint"):
-        name, kind = joint.get("name"), joint.get("type", "")
-        must = f"must be one of {kinds}, and no mimic"
-        why = f"(nadia-new-robot welds others); it is {kind}"
-        known = kind in _JOINTS and joint.find("mimic") is None
-        require(known, f"joint {name}: {must} {why}")
+        name = joint.get("name")
+        kind = joint.get("type", "")
+        require(
+            kind in _JOINTS and joint.find("mimic") is None,
+            f"joint {name}: must be one of {', '.join(_JOINTS)}, and no mimic "
+            f"(nadia-new-robot welds others); it is {kind}",
+        )
         for limit in joint.iter("limit"):
-            velocity = limit.get("velocity", "1")
-            _positive(f"velocity limit of {name}", velocity, "rad/s")
-            low, high = limit.get("lower", "0"), limit.get("upper", "0")
-            must = f"{low}: must be <= its upper limit = {high}"
-            fits = not _number(low) > _number(high)
-            require(fits, f"lower limit of {name} = {must}")
+            _require_positive(
+                f"velocity limit of {name}", limit.get("velocity", "1"), "rad/s"
+            )
+            lower, upper = limit.get("lower", "0"), limit.get("upper", "0")
+            require(
+                not _number(lower) > _number(upper),
+                f"lower limit of {name} = {lower}: must be <= its upper "
+                f"limit = {upper}",
+            )
 
 
 def require(fulfilled: bool, message: str) -> None:
-    """Raises ValueError(message) unless it is fulfilled."""
+    """Requires a condition.
+
+    Args:
+        fulfilled: the condition.
+        message: of the error.
+
+    Raises:
+        ValueError: it is not fulfilled.
+    """
     if not fulfilled:
         raise ValueError(message)
 
@@ -95,162 +145,246 @@ def _number(text: str | None) -> float:
         return math.nan
 
 
-def _positive(what: str, text: str | None, unit: str) -> None:
-    positive = 0.0 < _number(text) < math.inf
-    require(positive, f"{what} = {text}: must be a number > 0 {unit}")
+def _require_positive(name: str, text: str | None, unit: str) -> None:
+    require(
+        0.0 < _number(text) < math.inf,
+        f"{name} = {text}: must be a number > 0 {unit}",
+    )
 
 
-def _add_actuators(plant: MultibodyPlant, instance, urdf: Path) -> None:
+def _add_actuators(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, urdf: Path
+) -> None:
     """Adds actuators to joints for which the `urdf` has no <transmission>."""
     # All actuators: those of an instance are known only once it is finalized.
     driven = [actuator.joint().index() for actuator in actuators(plant)]
-    if len(set(driven)) < len(driven):
-        raise ValueError("a joint must not have two <transmission>s")
+    require(
+        len(set(driven)) == len(driven),
+        "a joint must not have two <transmission>s",
+    )
     efforts = {
         joint.get("name"): _number(limit.get("effort"))
         for joint in ElementTree.parse(urdf).getroot().findall("joint")
         for limit in joint.findall("limit")
     }
     for joint in map(plant.get_joint, plant.GetJointIndices(instance)):
-        limit = efforts.get(joint.name(), 0.0)
-        is_bare = joint.num_positions() and joint.index() not in driven
-        if limit > 0.0 and is_bare:
-            plant.AddJointActuator(joint.name(), joint, limit)
+        effort = efforts.get(joint.name(), 0.0)
+        is_bare = joint.num_positions() > 0 and joint.index() not in driven
+        if is_bare and effort > 0.0:
+            plant.AddJointActuator(joint.name(), joint, effort)
 
 
 def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
-    """Raises ValueError if `plant` lacks parts that `params` name."""
-    for part in ("pelvis", "torso", "left_foot", "right_foot"):
-        name = getattr(params, f"{part}_body")
-        must = f"{part}_body = {name!r}: must be a link of the URDF"
-        require(plant.HasBodyNamed(name), must)
-    bodies = map(plant.get_body, plant.GetFloatingBaseBodies())
-    floating = sorted(body.name() for body in bodies)
-    these = f"these are: {', '.join(floating) or 'none'}"
-    must = f"must be the one link that no joint holds; {these}"
-    is_base = floating == [params.pelvis_body]
-    require(is_base, f"pelvis_body = {params.pelvis_body!r}: {must}")
-    context = plant.CreateDefaultContext()
-    left, right = (
-        plant.GetBodyByName(foot).EvalPoseInWorld(context).translation()[1]
-        for foot in (params.left_foot_body, params.right_foot_body)
-    )
-    must = f"must be left of right_foot_body = {params.right_foot_body!r}"
-    require(left > right, f"left_foot_body = {params.left_foot_body!r}: {must}")
-    # Joints of one degree of freedom by name, without the floating base.
-    by_name = {j.name(): j for j in joints(plant) if j.num_positions() == 1}
-    _check_drives(plant, params, by_name)
-    given, known = {"posture": params.posture}, ", ".join(sorted(by_name))
-    for field in ("joint_lower_limits", "joint_upper_limits"):
-        given[f"whole_body.{field}"] = getattr(params.whole_body, field)
-    for field, angles in given.items():
-        for name, angle in angles.items():
-            what = f"{field}.{name} = {angle}: must be"
-            require(name in by_name, f"{what} one of the joints {known}")
-            low = by_name[name].position_lower_limits()[0]
-            high = by_name[name].position_upper_limits()[0]
-            require(low <= angle <= high, f"{what} in [{low}, {high}] rad")
+    """Checks the names in robot.yaml, and the drives.
 
+    Args:
+        plant: of the robot alone, finalized.
+        params: of the robot.
 
-def _check_drives(plant: MultibodyPlant, params: RobotParams, by_name) -> None:
-    where, must = f"urdf = {params.urdf}", "must have a velocity limit, or"
-    drives = {drive.joint().name(): drive for drive in actuators(plant)}
-    for name, joint in by_name.items():
-        speed = min(joint.velocity_upper_limits()[0], params.max_joint_speed)
-        what = f"{where}: joint {name}"
+    Raises:
+        ValueError: the plant lacks parts that the parameters name; a joint has
+            no drive with limits, or an angle is beyond the limits of a joint.
+    """
+    links = {
+        "pelvis_body": params.pelvis_body,
+        "torso_body": params.torso_body,
+        "left_foot_body": params.left_foot_body,
+        "right_foot_body": params.right_foot_body,
+    }
+    for field, name in links.items():
         require(
-            speed < math.inf, f"{what}: {must} robot.yaml a max_joint_speed"
+            plant.HasBodyNamed(name),
+            f"{field} = {name!r}: must be a link of the URDF",
+        )
+    floating = sorted(
+        plant.get_body(i).name() for i in plant.GetFloatingBaseBodies()
+    )
+    require(
+        floating == [params.pelvis_body],
+        f"pelvis_body = {params.pelvis_body!r}: must be the one link that no "
+        f"joint holds; these are: {', '.join(floating) or 'none'}",
+    )
+    context = plant.CreateDefaultContext()
+    require(
+        _position(plant, context, params.left_foot_body)[1]
+        > _position(plant, context, params.right_foot_body)[1],
+        f"left_foot_body = {params.left_foot_body!r}: must be left of "
+        f"right_foot_body = {params.right_foot_body!r}",
+    )
+    # Joints of one degree of freedom by name, without the floating base.
+    hinges = {j.name(): j for j in joints(plant) if j.num_positions() == 1}
+    _check_drives(plant, params, hinges)
+    _check_angles(params, hinges)
+
+
+def _check_drives(
+    plant: MultibodyPlant, params: RobotParams, hinges: dict[str, Joint]
+) -> None:
+    urdf = f"urdf = {params.urdf}"
+    drives = {drive.joint().name(): drive for drive in actuators(plant)}
+    for name, joint in hinges.items():
+        require(
+            min(joint.velocity_upper_limits()[0], params.max_joint_speed)
+            < math.inf,
+            f"{urdf}: joint {name}: must have a velocity limit, or robot.yaml "
+            "a max_joint_speed",
         )
         drive = drives.get(name)
-        limited = drive is not None and drive.effort_limit() < math.inf
-        require(limited, f"{what}: must have an effort limit")
+        if drive is None or not drive.effort_limit() < math.inf:
+            raise ValueError(f"{urdf}: joint {name}: must have an effort limit")
         inertia = drive.default_reflected_inertia()
-        what = f"{where}: rotor inertia x gear ratio^2 of {name} = {inertia}"
-        require(inertia >= 0.0, f"{what}: must be >= 0 kg m^2")
+        require(
+            inertia >= 0.0,
+            f"{urdf}: rotor inertia x gear ratio^2 of {name} = {inertia}: must "
+            "be >= 0 kg m^2",
+        )
+
+
+def _check_angles(params: RobotParams, hinges: dict[str, Joint]) -> None:
+    fields = {
+        "posture": params.posture,
+        "whole_body.joint_lower_limits": params.whole_body.joint_lower_limits,
+        "whole_body.joint_upper_limits": params.whole_body.joint_upper_limits,
+    }
+    for field, angles in fields.items():
+        for name, angle in angles.items():
+            require(
+                name in hinges,
+                f"{field}.{name} = {angle}: must be one of the joints "
+                f"{', '.join(sorted(hinges))}",
+            )
+            lower = hinges[name].position_lower_limits()[0]
+            upper = hinges[name].position_upper_limits()[0]
+            require(
+                lower <= angle <= upper,
+                f"{field}.{name} = {angle}: must be in [{lower}, {upper}] rad",
+            )
 
 
 def remarks_on(plant: MultibodyPlant, feet: set[str]) -> list[str]:
-    """Warnings about legal but suspicious settings of a plant with shapes."""
-    bodies = map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
+    """Warnings about legal but suspicious settings.
+
+    Args:
+        plant: of the robot alone, with shapes.
+        feet: names of its feet.
+
+    Returns:
+        The warnings, one line each.
+    """
+    remarks = []
+    bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
     shaped = filter(plant.GetCollisionGeometriesForBody, bodies)
-    only = "only the feet have collision shapes: a fall, or legs in each other"
-    is_only = {body.name() for body in shaped} == feet
-    remarks = [f"{only}, are not noticed"] if is_only else []
-    bare = [a for a in actuators(plant) if not a.default_reflected_inertia()]
-    names = ", ".join(drive.joint().name() for drive in bare)
-    return remarks + ([f"no rotor inertia: {names}"] if bare else [])
+    if {body.name() for body in shaped} == feet:
+        remarks.append(
+            "only the feet have collision shapes: a fall, or legs in each "
+            "other, are not noticed"
+        )
+    bare = [
+        drive.joint().name()
+        for drive in actuators(plant)
+        if not drive.default_reflected_inertia()
+    ]
+    if bare:
+        remarks.append(f"no rotor inertia: {', '.join(bare)}")
+    return remarks
 
 
 def with_lengths(
     params: RobotParams,
-    given: dict,
+    given: Mapping[str, Any],
     plant: MultibodyPlant,
     inspector: SceneGraphInspector,
 ) -> RobotParams:
-    """Returns `params` with the lengths that the tree `given` lacks.
+    """Fills in the lengths that a robot.yaml lacks.
 
-    `plant` contains only the robot, with the shapes in `inspector`.  Soles are
-    the ground points of the feet's collision shapes; legs are measured between
-    their pitch axes, and left alone unless each has three.
+    Soles are the ground points of the feet's collision shapes; legs are
+    measured between their pitch axes, and left alone unless each has three.
 
-    Raises ValueError: a foot has no collision shape.
+    Args:
+        params: of the robot.
+        given: tree of the robot.yaml.
+        plant: of the robot alone, finalized.
+        inspector: of the robot's shapes.
+
+    Returns:
+        The parameters with these lengths, in whole millimetres.
+
+    Raises:
+        ValueError: a foot has no collision shape.
     """
-    feet = params.left_foot_body, params.right_foot_body
-    sole = _filled(params.sole, _sole(plant, inspector, feet), given, "sole")
-    context = plant.CreateDefaultContext()
-    left, right = (_position(plant, context, foot) for foot in feet)
+    feet = [params.left_foot_body, params.right_foot_body]
+    sole = _filled(
+        params.sole, _sole(plant, inspector, feet), given.get("sole")
+    )
+    straight = plant.CreateDefaultContext()
+    standing: Any = plant.CreateDefaultContext()
+    for joint, angle in params.posture.items():
+        cast(RevoluteJoint, plant.GetJointByName(joint)).set_angle(
+            standing, angle
+        )
+    com = plant.CalcCenterOfMassPositionInWorld(standing)[2]
+    left, right = (_position(plant, straight, foot) for foot in feet)
     legs = {"hip_width": left[1] - right[1]}
-    axes = [_pitch_axes(plant, context, foot) for foot in feet]
+    axes = [_pitch_axes(plant, straight, foot) for foot in feet]
     if all(axes):
         bones = np.diff(axes[0], axis=0)[:, [0, 2]]  # in the sagittal plane
+        hips = [_pitch_axes(plant, standing, foot)[0][2] for foot in feet]
         legs["length"] = np.linalg.norm(bones, axis=1).sum()
         legs["ankle_height"] = axes[0][2][2] - left[2] - sole.z
-    for joint, angle in params.posture.items():
-        plant.GetJointByName(joint).set_angle(context, angle)
-    com = plant.CalcCenterOfMassPositionInWorld(context)[2]
-    if all(axes):
-        hips = [_pitch_axes(plant, context, foot)[0][2] for foot in feet]
         legs["com_above_hip"] = com - 0.5 * sum(hips)
-    ground = [_position(plant, context, foot, sole.z)[2] for foot in feet]
-    legs = _filled(params.legs, legs, given, "legs")
-    params = replace(params, sole=sole, legs=legs)
-    return _filled(params, {"com_height": com - 0.5 * sum(ground)}, given)
+    ground = [_position(plant, standing, foot, sole.z)[2] for foot in feet]
+    return replace(
+        _filled(params, {"com_height": com - 0.5 * sum(ground)}, given),
+        sole=sole,
+        legs=_filled(params.legs, legs, given.get("legs")),
+    )
 
 
-def _filled(params, measured: dict, given: dict, part: str = ""):
-    """Returns the dataclass with `measured` values not in `part` of `given`."""
-    tree = given.get(part) or {} if part else given
-    lacking = {n: value for n, value in measured.items() if n not in tree}
-    lengths = {n: round(float(value), _DIGITS) for n, value in lacking.items()}
-    return replace(params, **lengths)
+def _filled(
+    params: T, measured: Mapping[str, float], given: Mapping[str, Any] | None
+) -> T:
+    """Returns the dataclass with `measured` values that are not `given`."""
+    lengths = {
+        name: round(float(value), _DIGITS)
+        for name, value in measured.items()
+        if name not in (given or {})
+    }
+    return replace(params, **lengths)  # type: ignore[type-var]
 
 
-def _position(plant, context: Context, body: str, z: float = 0.0) -> Array:
+def _position(
+    plant: MultibodyPlant, context: Context, body: str, z: float = 0.0
+) -> Array:
     """Position (3,) [m] in W of the point [0, 0, z] of a body."""
     X_WB = plant.GetBodyByName(body).EvalPoseInWorld(context)
-    return X_WB @ np.array([0.0, 0.0, z])
+    return np.asarray(X_WB @ np.array([0.0, 0.0, z]))
 
 
-def _pitch_axes(plant, context: Context, foot: str) -> list[Array]:
+def _pitch_axes(
+    plant: MultibodyPlant, context: Context, foot: str
+) -> list[Array]:
     """Positions (3,) [m] in W of the joints about y: hip, knee, ankle.
 
     Empty if the leg has not three of them, as with oblique hip axes.
     """
-    found = [
+    axes: list[Any] = [
         joint.frame_on_child().CalcPoseInWorld(context).translation()
         for joint in joints_above(plant, foot)[::-1]
         if is_pitch(joint, context)
     ]
-    return found if len(found) == 3 else []
+    return axes if len(axes) == 3 else []
 
 
-def _sole(plant, inspector, feet: tuple[str, str]) -> dict[str, float]:
+def _sole(
+    plant: MultibodyPlant, inspector: SceneGraphInspector, feet: Iterable[str]
+) -> dict[str, float]:
     """The largest rectangle, symmetric about y = 0, in the ground points."""
     ends = []
     for foot in feet:
         shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
-        found = [_low_points(inspector, shape) for shape in shapes]
-        points = np.vstack([np.empty((0, 3)), *found])
+        points = np.vstack(
+            [np.empty((0, 3)), *(_low_points(inspector, s) for s in shapes)]
+        )
         require(len(points) > 0, f"foot {foot}: must have a collision shape")
         lowest = points[:, 2].min()
         on_ground = points[points[:, 2] < lowest + _LEVEL]
@@ -263,11 +397,20 @@ def _sole(plant, inspector, feet: tuple[str, str]) -> dict[str, float]:
 def foot_width(
     plant: MultibodyPlant, inspector: SceneGraphInspector, feet: Iterable[str]
 ) -> float:
-    """Twice the largest |y| [m] of a foot's collision shapes, in its frame."""
+    """Twice the largest |y| of the feet's collision shapes, in their frame.
+
+    Args:
+        plant: of the robot.
+        inspector: of its shapes.
+        feet: names of its feet.
+
+    Returns:
+        Width [m], in whole millimetres.
+    """
     sides = [0.0]
     for foot in feet:
-        body = plant.GetBodyByName(foot)
-        for shape in plant.GetCollisionGeometriesForBody(body):
+        shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
+        for shape in shapes:
             box = inspector.GetObbInGeometryFrame(shape)
             if box is not None:
                 X_BO = inspector.GetPoseInFrame(shape) @ box.pose()
@@ -281,21 +424,31 @@ def _low_points(inspector: SceneGraphInspector, shape: GeometryId) -> Array:
 
     Lowest points of balls, corners of hulls, otherwise of the bounding box.
     """
-    form, X_BG = inspector.GetShape(shape), inspector.GetPoseInFrame(shape)
-    if isinstance(form, geometry.Sphere | geometry.Capsule):
-        is_ball = isinstance(form, geometry.Sphere)
-        half = np.array([0.0, 0.0, 0.0 if is_ball else 0.5 * form.length()])
-        return (X_BG @ np.array([-half, half]).T).T - [0.0, 0.0, form.radius()]
-    if isinstance(form, geometry.Convex | geometry.Mesh):
-        return (X_BG @ hull_points(inspector, shape).T).T
-    box = inspector.GetObbInGeometryFrame(shape)
+    form = inspector.GetShape(shape)
+    X_BG: Any = inspector.GetPoseInFrame(shape)
+    if isinstance(form, Sphere | Capsule):
+        length = form.length() if isinstance(form, Capsule) else 0.0
+        half = np.array([0.0, 0.0, 0.5 * length])
+        ends = X_BG @ np.array([-half, half]).T
+        return np.asarray(ends.T - [0.0, 0.0, form.radius()])
+    if isinstance(form, Convex | Mesh):
+        return np.asarray((X_BG @ hull_points(inspector, shape).T).T)
+    box: Any = inspector.GetObbInGeometryFrame(shape)
     if box is None:  # a half space
         return np.empty((0, 3))
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-    return (X_BG @ box.pose() @ (signs * box.half_width()).T).T
+    return np.asarray((X_BG @ box.pose() @ (signs * box.half_width()).T).T)
 
 
 def hull_points(inspector: SceneGraphInspector, shape: GeometryId) -> Array:
-    """Corners (n, 3) [m] of the convex hull of a shape, in its frame."""
+    """Corners of the convex hull of a shape.
+
+    Args:
+        inspector: of the shape.
+        shape: its index.
+
+    Returns:
+        Points (n, 3) [m], in the frame of the shape.
+    """
     hull = inspector.GetConvexHull(shape)
     return np.array([hull.vertex(i) for i in range(hull.num_vertices())])

@@ -21,8 +21,7 @@ from nadia_balance.core.walking.state import (
     WalkingState,
     support_polygon,
 )
-from nadia_balance.systems.ports import Input
-from nadia_balance.systems.signals import SIGNALS
+from nadia_balance.systems.ports import input_port, optional_input
 from nadia_balance.view.scene import (
     PERIOD,
     ChangingPolygon,
@@ -102,23 +101,13 @@ class BalanceVisualizer(LeafSystem):
         """
         super().__init__()
         self._meshcat, self._sole = meshcat, np.asarray(sole, dtype=float)
-        self._walking_state = Input(
-            self, "walking_state", SIGNALS["walking_state"]
-        )
-        self._com = Input(self, "com_state", SIGNALS["com_state"], default=None)
-        self._icp = Input(self, "icp", SIGNALS["icp"], default=None)
-        self._icp_reference = Input(
-            self, "icp_reference", SIGNALS["icp_reference"], default=None
-        )
-        self._ecmp_command = Input(
-            self, "ecmp_command", SIGNALS["ecmp_command"], default=None
-        )
-        self._push_force = Input(
-            self, "push_force", SIGNALS["push_force"], default=None
-        )
-        self._regions = Input(
-            self, "capture_regions", SIGNALS["capture_regions"], default=None
-        )
+        self._walking_state = input_port(self, "walking_state")
+        self._com = optional_input(self, "com_state")
+        self._icp = optional_input(self, "icp")
+        self._icp_reference = optional_input(self, "icp_reference")
+        self._ecmp_command = optional_input(self, "ecmp_command")
+        self._push_force = optional_input(self, "push_force")
+        self._regions = optional_input(self, "capture_regions")
         self._add_objects()
         if ground is not None:
             self._add_ground(ground)

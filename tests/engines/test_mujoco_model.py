@@ -58,8 +58,8 @@ def test_moves_as_drake_does(name):
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
         model.forward(x, torques, [force])
         expected = plant.EvalTimeDerivatives(context).CopyToVector()[-nv:]
-        found = model.rates(model.data.qacc)
-        assert found == pytest.approx(expected, rel=1e-10, abs=1e-9)
+        acceleration = model.rates(model.data.qacc)
+        assert acceleration == pytest.approx(expected, rel=1e-10, abs=1e-9)
         assert model.data.subtree_com[0] == pytest.approx(com(context))
 
 
@@ -68,14 +68,15 @@ def test_touches_what_it_touches_in_drake(name, fidelity):
     """Oracle: the penetrations that SceneGraph finds, by bodies and depth."""
     diagram, plant, scene_graph, model = modelled(name, fidelity)
     root, rng = diagram.CreateDefaultContext(), np.random.default_rng(2)
-    own = scene_graph.GetMyContextFromRoot(root)
+    scene_context = scene_graph.GetMyContextFromRoot(root)
     inspector = scene_graph.model_inspector()
     torques, seen = np.zeros(plant.num_actuators()), set()
     for _ in range(40):
         x = a_state(plant, rng, 0.6)
         context = plant.GetMyMutableContextFromRoot(root)
         plant.SetPositionsAndVelocities(context, x)
-        query, expected = scene_graph.get_query_output_port().Eval(own), {}
+        query = scene_graph.get_query_output_port().Eval(scene_context)
+        expected = {}
         for pair in query.ComputePointPairPenetration():
             bodies = frozenset(
                 int(plant.GetBodyFromFrameId(inspector.GetFrameId(i)).index())
@@ -84,15 +85,17 @@ def test_touches_what_it_touches_in_drake(name, fidelity):
             expected[bodies] = max(pair.depth, expected.get(bodies, 0.0))
         _, contacts = model.step(x, torques)
         assert model.data.ncon == len(contacts)
-        found, distances = {}, model.data.contact.dist
-        for contact, dist in zip(contacts, distances, strict=True):
+        depths = {}
+        for contact, dist in zip(
+            contacts, model.data.contact.dist, strict=True
+        ):
             pair = contact.bodyA_index(), contact.bodyB_index()
             bodies = frozenset(map(int, pair))
-            found[bodies] = max(-dist, found.get(bodies, 0.0))
-        assert set(found) == set(expected)
+            depths[bodies] = max(-dist, depths.get(bodies, 0.0))
+        assert set(depths) == set(expected)
         ground = {pair: d for pair, d in expected.items() if 0 in pair}
-        assert {pair: found[pair] for pair in ground} == pytest.approx(ground)
-        seen |= set(found)
+        assert {pair: depths[pair] for pair in ground} == pytest.approx(ground)
+        seen |= set(depths)
     assert any(0 in pair for pair in seen) and any(0 not in p for p in seen)
 
 
@@ -107,8 +110,8 @@ def test_a_joint_stops_at_its_limit():
     knee = plant.GetJointActuatorByName("LEFT_KNEE_Y")
     torques = np.zeros(plant.num_actuators())
     torques[int(knee.index())] = knee.effort_limit()
-    most = knee.joint().position_upper_limits()[0]
+    upper_limit = knee.joint().position_upper_limits()[0]
     for _ in range(1000):
         x, _ = model.step(x, torques)
     angle = x[knee.joint().position_start()]
-    assert angle == pytest.approx(most, abs=0.01)
+    assert angle == pytest.approx(upper_limit, abs=0.01)

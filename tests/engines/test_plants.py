@@ -13,8 +13,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
-from nadia_balance.engines import plants
-from nadia_balance.engines.plants import MujocoPlant
+from nadia_balance.engines.plants import (
+    MujocoPlant,
+    PointMassPlant,
+    add_mujoco_plant,
+)
 from nadia_balance.robot.model import load_robot
 from tests.blocks import answer, running
 from tests.boxes import register
@@ -60,16 +63,16 @@ def test_all_shapes_lie_on_the_ground_with_their_weight(tmp_path):
         contact = results.point_pair_contact_info(i)
         a, b = int(contact.bodyA_index()), int(contact.bodyB_index())
         sign = 1.0 if a == 0 else -1.0
-        found = forces.setdefault(max(a, b), np.zeros(3))
-        found += sign * contact.contact_force()
+        force = forces.setdefault(max(a, b), np.zeros(3))
+        force += sign * contact.contact_force()
     for i, body in enumerate(bodies):
-        found = forces[int(body.index())][2]
-        assert found == pytest.approx(9.81 * (1.0 + i), abs=0.05)
+        weight = forces[int(body.index())][2]
+        assert weight == pytest.approx(9.81 * (1.0 + i), abs=0.05)
 
 
 @pytest.fixture(scope="module")
 def nadia():
-    return plants.add_mujoco_plant(DiagramBuilder(), load_robot("nadia"))
+    return add_mujoco_plant(DiagramBuilder(), load_robot("nadia"))
 
 
 def test_a_state_that_diverges_ends_the_run(nadia, tmp_path, monkeypatch):
@@ -108,7 +111,7 @@ def plant_with(
     `swing` (3,), `rates` [v(3), a(3)]: of the right foot, in or before a swing.
     """
     state = WalkingState(replace(walk(), phase=phase, start=START))
-    plant = plants.PointMassPlant(MODEL, PERIOD, state)
+    plant = PointMassPlant(MODEL, PERIOD, state)
     return plant, *running(
         plant,
         ecmp_command=[0.0, 0.0, *ecmp],
@@ -150,8 +153,8 @@ def test_the_swing_foot_goes_where_it_is_told():
     plant, simulator, context = plant_with(swing=swing, rates=rates)
     simulator.AdvanceTo(0.5 * PERIOD)
     foot = answer(plant, context, "foot_poses")[Side.RIGHT]
-    told = [0.05 + 0.00102, -0.13 - 0.00196, 0.04 + 0.00294]
-    assert foot.p_WF == pytest.approx(told, abs=1e-12)
+    end = [0.05 + 0.00102, -0.13 - 0.00196, 0.04 + 0.00294]
+    assert foot.p_WF == pytest.approx(end, abs=1e-12)
     assert foot.yaw == pytest.approx(0.3 + 0.00096, abs=1e-12)
 
 

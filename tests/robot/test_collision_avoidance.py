@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from pydrake.geometry import Capsule, Sphere
 
-from nadia_balance.core.whole_body import params as of_qp
 from nadia_balance.core.whole_body.command import Avoidance
+from nadia_balance.core.whole_body.params import (
+    CollisionAvoidanceParams,
+    WholeBodyQpParams,
+)
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.robot import collision_avoidance
 from nadia_balance.robot.collision_avoidance import CollisionAvoidance
@@ -18,7 +21,7 @@ from tests import whole_body_examples as examples
 from tests.core.whole_body.test_collision_avoidance import brute_force
 
 ElementTree.register_namespace("drake", "http://drake.mit.edu")
-PARAMS = of_qp.CollisionAvoidanceParams()
+PARAMS = CollisionAvoidanceParams()
 MAX_PAIRS = collision_avoidance.MAX_PAIRS
 FAR = 0.4  # [m]
 
@@ -82,7 +85,7 @@ class Links:
         port = self.plant.get_geometry_query_input_port()
         query = port.Eval(self.at(q, v))
         inspector = self.scene.model_inspector()
-        found = []
+        rows = []
         for pair in self.candidates:
             if not set(pair) <= set(self.round):
                 near = query.ComputeSignedDistancePairClosestPoints(*pair)
@@ -95,8 +98,8 @@ class Links:
                     V_WB = body.EvalSpatialVelocityInWorld(self.context)
                     speeds.append(V_WB.Shift(to_point @ p_BC).translational())
                 rate = near.nhat_BA_W @ (speeds[0] - speeds[1])
-                found.append((near.distance, rate))
-        return np.array(found)
+                rows.append((near.distance, rate))
+        return np.array(rows)
 
     def random_positions(self, rng):
         """Any pose of the base, and joints within their limits."""
@@ -131,9 +134,10 @@ def test_distances_are_those_of_the_shapes(links):
     rng = np.random.default_rng(0)
     poses = [links.random_positions(rng) for _ in range(20)]
     for q, expected in zip(poses, links.true(poses), strict=True):
-        found, _ = links.said(q, FAR)
-        assert found == pytest.approx(expected[nearest(expected)], abs=1e-9)
-        assert len(found) > 10
+        distances, _ = links.said(q, FAR)
+        near = expected[nearest(expected)]
+        assert distances == pytest.approx(near, abs=1e-9)
+        assert len(distances) > 10
 
 
 @pytest.mark.usefixtures("all_pairs")
@@ -144,13 +148,13 @@ def test_rows_are_the_rates_of_the_distances(links):
     Drake maps velocities to q.  Steps of 1e-5: 1e-10 of curvature, of rounding.
     """
     q, step = links.random_positions(np.random.default_rng(1)), 1e-5
-    found, rows = links.said(q, FAR)
+    distances, rows = links.said(q, FAR)
     nv, rates = links.plant.num_velocities(), links.plant.MapVelocityToQDot
     along = [step * rates(links.at(q), v) for v in np.eye(nv)]
     now, *others = links.true([q, *(q + along), *(q - along)])
     after, before = np.array(others).reshape(2, nv, -1)
     rates = (after - before) / (2.0 * step)
-    assert len(found) > 10
+    assert len(distances) > 10
     assert rows == pytest.approx(rates.T[nearest(now)], rel=1e-6, abs=1e-7)
 
 
@@ -160,10 +164,10 @@ def test_those_that_brake_most_come_first(monkeypatch):
     q, v = NADIA.random_positions(rng), rng.normal(size=29)
     few, few_rows = NADIA.said(q, FAR, v)
     monkeypatch.setattr(collision_avoidance, "MAX_PAIRS", 1000)
-    found, rows = NADIA.said(q, FAR, v)
-    assert len(few) == MAX_PAIRS < len(found)
-    assert np.all(np.diff(PARAMS.braking(found, rows @ v)) < 0.0)
-    assert few.tolist() == found[:MAX_PAIRS].tolist()
+    distances, rows = NADIA.said(q, FAR, v)
+    assert len(few) == MAX_PAIRS < len(distances)
+    assert np.all(np.diff(PARAMS.braking(distances, rows @ v)) < 0.0)
+    assert few.tolist() == distances[:MAX_PAIRS].tolist()
     assert few_rows == pytest.approx(rows[:MAX_PAIRS], abs=1e-15)
 
 
@@ -192,11 +196,12 @@ def test_other_shapes_are_measured_by_drake(tmp_path):
         q, v = links.random_positions(rng), rng.normal(size=29)
         others = links.by_drake(q, v)
         others = others[others[:, 0] < FAR]
-        found, rows = links.said(q, FAR)
+        distances, rows = links.said(q, FAR)
         expected = np.append(links.true([q])[0], others[:, 0])
-        assert found == pytest.approx(expected[nearest(expected)], abs=1e-9)
+        near = expected[nearest(expected)]
+        assert distances == pytest.approx(near, abs=1e-9)
         for distance, rate in others:
-            row = rows[np.argmin(np.abs(found - distance))]
+            row = rows[np.argmin(np.abs(distances - distance))]
             assert row @ v == pytest.approx(rate, abs=1e-9)
 
 
@@ -218,9 +223,9 @@ def test_an_arm_is_seen_from_afar_if_it_has_to_brake(link, speed, seen):
     Legs may pass each other as closely, and as fast.
     """
     q, v = examples.standing_positions(), moving(f"LEFT_{link}_X", speed)
-    found, rows = NADIA.said(q, 0.08, v)
-    assert len(found) == seen
-    for d, rate in zip(found, rows @ v, strict=True):
+    distances, rows = NADIA.said(q, 0.08, v)
+    assert len(distances) == seen
+    for d, rate in zip(distances, rows @ v, strict=True):
         assert d > 0.08 and 2.0 * rate + 25.0 * (d - 0.02) < 0.0
 
 
@@ -230,13 +235,13 @@ def test_rows_are_those_of_the_law():
     q, v = NADIA.random_positions(rng), 3.0 * rng.normal(size=29)
     vdot = rng.normal(size=29)
     distances, rows = NADIA.said(q, 0.08, v)
-    found = NADIA.avoidance(PARAMS).calc(NADIA.at(q, v))
+    avoidance = NADIA.avoidance(PARAMS).calc(NADIA.at(q, v))
     law = rows @ vdot + 50.0 * (rows @ v) + 625.0 * (distances - 0.02)
     near = distances < 0.08
     assert near.any() and not near.all()
     soft, now = math.sqrt(3.0) * law[~near], np.append(vdot, 1.0)
-    assert found.limits @ now == pytest.approx(law[near])
-    assert found.braking @ now == pytest.approx(soft)
+    assert avoidance.limits @ now == pytest.approx(law[near])
+    assert avoidance.braking @ now == pytest.approx(soft)
 
 
 def test_links_are_kept_apart():
@@ -244,12 +249,12 @@ def test_links_are_kept_apart():
     terms = examples.terms_at(examples.random_state(0, 0.0))
     towards = moving("LEFT_SHOULDER_X", 1.0)
     speed, v = -0.3, -0.3 * towards
-    params, period = of_qp.WholeBodyQpParams(), examples.PERIOD
+    params, period = WholeBodyQpParams(), examples.PERIOD
     qp = WholeBodyQp(params, examples.model(), period)
     free = qp.solve(terms._replace(v=v), examples.command(terms))
     rows = np.append(towards, -PARAMS.braking(0.03, towards @ v))[None]
     near = terms._replace(v=v, avoidance=Avoidance(rows, rows[:0]))
-    found = qp.solve(near, examples.command(terms))
+    kept = qp.solve(near, examples.command(terms))
     least = -25.0 * (2.0 * speed + 25.0 * 0.01)
-    assert found.qp.solved and towards @ free.vdot < least
-    assert towards @ found.vdot == pytest.approx(least, rel=1e-3)
+    assert kept.qp.solved and towards @ free.vdot < least
+    assert towards @ kept.vdot == pytest.approx(least, rel=1e-3)

@@ -12,8 +12,8 @@ def foot_distance(robot, apart):
     root = diagram.CreateDefaultContext()
     context = plant.GetMyMutableContextFromRoot(root)
     plant.SetPositions(context, robot.standing_positions(apart))
-    own = scene_graph.GetMyContextFromRoot(root)
-    query = scene_graph.get_query_output_port().Eval(own)
+    scene_context = scene_graph.GetMyContextFromRoot(root)
+    query = scene_graph.get_query_output_port().Eval(scene_context)
     feet = (plant.GetBodyByName(robot.foot_bodies[side]) for side in Side)
     left, right = map(plant.GetCollisionGeometriesForBody, feet)
     return min(

@@ -48,8 +48,8 @@ def test_velocities_are_those_of_soles_and_torso(seed):
         X_FS = nadia().X_FootSole[side]
         V_WB = plant.EvalBodySpatialVelocityInWorld(context, foot)
         V_WS = V_WB.Shift(X_WB.rotation() @ X_FS.translation()).get_coeffs()
-        found = terms.velocities[6 * index : 6 * index + 6]
-        assert found == pytest.approx(V_WS, abs=1e-13)
+        velocities = terms.velocities[6 * index : 6 * index + 6]
+        assert velocities == pytest.approx(V_WS, abs=1e-13)
         X_WS = X_WB @ X_FS
         assert terms.sole_positions[index] == pytest.approx(X_WS.translation())
         assert terms.rotations[index] == pytest.approx(X_WS.rotation().matrix())
@@ -66,13 +66,13 @@ def test_bias_is_the_rest_of_the_acceleration(seed):
     terms = terms_at(state)
     vdot = np.random.default_rng(seed).normal(size=29)
     qdot = plant.MapVelocityToQDot(examples.context_at(state), terms.v)
-    way = STEP * np.concatenate([qdot, vdot])
-    ahead, behind = terms_at(state + way), terms_at(state - way)
-    change = (ahead.velocities - behind.velocities) / (2.0 * STEP)
+    change = STEP * np.concatenate([qdot, vdot])
+    ahead, behind = terms_at(state + change), terms_at(state - change)
+    expected = (ahead.velocities - behind.velocities) / (2.0 * STEP)
     acceleration = terms.rows @ np.append(vdot, 1.0)
     for rows in (*SOLES, TORSO, PELVIS):
         # Truncation and rounding at this step both leave about 1e-8.
-        assert acceleration[rows] == pytest.approx(change[rows], abs=1e-6)
+        assert acceleration[rows] == pytest.approx(expected[rows], abs=1e-6)
 
 
 def test_joints_are_damped():
@@ -143,8 +143,8 @@ def test_an_ankle_is_found_above_a_foot_that_is_welded_on():
     text = ElementTree.tostring(top, encoding="unicode")
     Parser(plant).AddModelsFromString(text, "urdf")
     plant.Finalize()
-    known, params = kinematics().plant, WholeBodyQpParams()
-    left, right = whole_body_model(nadia(), known, params).ankles
+    params = WholeBodyQpParams()
+    left, right = whole_body_model(nadia(), kinematics().plant, params).ankles
     left_welded, same = whole_body_model(nadia(), plant, params).ankles
     assert left_welded == pytest.approx(left + [-0.01, 0.0, 0.03])
     assert same == pytest.approx(right)

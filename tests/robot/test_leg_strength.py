@@ -25,10 +25,10 @@ def limits(robot, speeds):
 
 def efforts(plant):
     """Effort limits (nv,); those of the base are endless."""
-    found = np.full(plant.num_velocities(), np.inf)
+    limits = np.full(plant.num_velocities(), np.inf)
     for actuator in actuators(plant):
-        found[actuator.joint().velocity_start()] = actuator.effort_limit()
-    return found
+        limits[actuator.joint().velocity_start()] = actuator.effort_limit()
+    return limits
 
 
 def moving(plant, context, robot, side, angle):
@@ -50,9 +50,9 @@ def moving(plant, context, robot, side, angle):
     leg = np.flatnonzero(np.abs(columns).max(axis=0) > 1e-12)
     assert leg.size == 6
     goal = [0.0, 0.0, 0.0, math.cos(angle), math.sin(angle), 0.0]
-    found = np.zeros(nv)
-    found[leg] = np.linalg.solve(columns[:, leg], goal)
-    return found
+    velocities = np.zeros(nv)
+    velocities[leg] = np.linalg.solve(columns[:, leg], goal)
+    return velocities
 
 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
@@ -70,10 +70,12 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     acceleration, speed = limits(robot, robot.max_joint_speeds)
     torques, speeds = [], []
     for side, angle in itertools.product(Side, ANGLES):
-        way = moving(plant, context, robot, side, angle)
-        needed = plant.CalcInverseDynamics(context, acceleration * way, gravity)
-        torques.append(np.max(np.abs(needed / effort)[way != 0.0]))
-        speeds.append(np.max(np.abs(way[6:]) / robot.max_joint_speeds))
+        rates = moving(plant, context, robot, side, angle)
+        needed = plant.CalcInverseDynamics(
+            context, acceleration * rates, gravity
+        )
+        torques.append(np.max(np.abs(needed / effort)[rates != 0.0]))
+        speeds.append(np.max(np.abs(rates[6:]) / robot.max_joint_speeds))
     rounding = 0.05 / acceleration
     least = math.cos(math.pi / 64.0) - rounding
     assert least <= max(torques) <= 1.0 + rounding
@@ -82,9 +84,9 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     assert 0.995 * expected - 0.005 <= speed <= expected + 0.005
     endless = np.full(robot.max_joint_speeds.size, np.inf)
     assert limits(robot, speeds=endless)[1] == math.inf
-    detour, own = robot.point_mass.detour, robot.params.swing_detour
-    assert detour.max_acceleration == min(acceleration, own.max_acceleration)
-    assert detour.max_speed == min(speed, own.max_speed)
+    detour, given = robot.point_mass.detour, robot.params.swing_detour
+    assert detour.max_acceleration == min(acceleration, given.max_acceleration)
+    assert detour.max_speed == min(speed, given.max_speed)
 
 
 def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
@@ -101,8 +103,8 @@ def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
     np.testing.assert_array_equal(robot.point_mass.sole, robot.sole)
     half_width = 20.0 / weight
     assert half_width < 0.06 and x - 120.0 / weight < -0.125
-    most = [x + 120.0 / weight, half_width]
-    assert area.max(axis=0) == pytest.approx(most, abs=1e-4)
+    front = [x + 120.0 / weight, half_width]
+    assert area.max(axis=0) == pytest.approx(front, abs=1e-4)
     assert area.min(axis=0) == pytest.approx([-0.125, -half_width], abs=1e-4)
 
 

@@ -42,9 +42,9 @@ def test_a_knee_that_carries_half_of_it_only_is_warned_of(tmp_path):
     urdf = tmp_path / "weak.urdf"
     text = robot.urdf.read_text("utf-8")
     urdf.write_text(text.replace('effort="139"', 'effort="13"'), "utf-8")
-    found = too_weak(RobotModel(robot.params, urdf))
-    for side, line in zip(("left", "right"), found, strict=True):
+    warnings = too_weak(RobotModel(robot.params, urdf))
+    for side, line in zip(("left", "right"), warnings, strict=True):
         name = line.split(": ")[1].removesuffix(" N m")
         assert name == f"effort limit of {side}_knee_joint, 13"
-    (needed,) = {float(line.split()[-3]) for line in found}
+    (needed,) = {float(line.split()[-3]) for line in warnings}
     assert needed == pytest.approx(20.0, abs=3.0)

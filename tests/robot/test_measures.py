@@ -23,17 +23,17 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
 
     A lower sole raises the ankle, and the CoM as much.
     """
-    known = load_robot_params("nadia")[0]
-    assert (known.legs.hip_width, known.legs.ankle_height) == (0.26, 0.098)
-    assert known.com_height == 0.888  # of the paper's robot
+    nadia = load_robot_params("nadia")[0]
+    assert (nadia.legs.hip_width, nadia.legs.ankle_height) == (0.26, 0.098)
+    assert nadia.com_height == 0.888  # of the paper's robot
     file = shutil.copytree(MODELS / "nadia", tmp_path / "own") / "robot.yaml"
     given = "name: own\nsole: {z: -0.1}\nlegs: {length: 0.7}"
     change(file, "name: nadia", given)
-    found = load_robot_params(str(file))[0]
-    assert (found.sole.x_min, found.sole.x_max) == (-0.072, 0.178)
-    assert (found.sole.half_width, found.sole.z) == (0.06, -0.1)
-    assert (found.legs.length, found.legs.ankle_height) == (0.7, 0.11)
-    assert found.com_height == pytest.approx(known.com_height + 0.012)
+    params = load_robot_params(str(file))[0]
+    assert (params.sole.x_min, params.sole.x_max) == (-0.072, 0.178)
+    assert (params.sole.half_width, params.sole.z) == (0.06, -0.1)
+    assert (params.legs.length, params.legs.ankle_height) == (0.7, 0.11)
+    assert params.com_height == pytest.approx(nadia.com_height + 0.012)
 
 
 CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])

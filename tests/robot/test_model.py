@@ -99,8 +99,8 @@ def test_refuses_ankles_too_weak_to_stand(copy, strength):
     change(copy / "robot.yaml", "LEFT_ANKLE_Y: 377", weak)
     may_raise = contextlib.nullcontext()
     if strength < 1.0:
-        told = "LEFT_ANKLE_Y = 2.*for the robot to"
-        may_raise = pytest.raises(ValueError, match=told)
+        message = "LEFT_ANKLE_Y = 2.*for the robot to"
+        may_raise = pytest.raises(ValueError, match=message)
     with may_raise:
         load(copy)
 
@@ -136,8 +136,8 @@ def effort_limits(robot):
 def test_torque_limits_are_those_of_the_robot_yaml(copy):
     """Oracle: robot.yaml; all other limits are as before.  Ideal has none."""
     change(copy / "robot.yaml", "LEFT_HIP_X: 270", "LEFT_HIP_X: 251.5")
-    own = load(copy)
-    assert effort_limits(own) == effort_limits(ROBOT) | {"LEFT_HIP_X": 251.5}
+    limits = effort_limits(load(copy))
+    assert limits == effort_limits(ROBOT) | {"LEFT_HIP_X": 251.5}
     ideal = effort_limits(load_robot("nadia", "ideal"))
     assert {limit for name, limit in ideal.items() if "HIP" in name} == {1e3}
 

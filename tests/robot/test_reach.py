@@ -44,8 +44,9 @@ def test_a_reach_that_is_too_long_is_cut_down():
 
     The bar of the project: 2 % of what is called reachable are not.
     """
-    found = run_cache.once(__name__, "", cut_down)
-    reach, missed_regions, count, missed = found
+    reach, missed_regions, count, missed = run_cache.once(
+        __name__, "", cut_down
+    )
     assert not missed_regions
     assert 0.9 < reach.length_forward < 1.25
     assert count > 25

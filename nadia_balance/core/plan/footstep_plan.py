@@ -581,8 +581,8 @@ class FootstepPlan:
             T [s], between a transfer of the walk and that of its begin.
         """
         start = feet[side].p_WF[:2]
-        way = feet[side.other].p_WF[:2] - start
-        behind = float((icp - start) @ way / (way @ way))
+        shift = feet[side.other].p_WF[:2] - start
+        behind = float((icp - start) @ shift / (shift @ shift))
         shortest = self.params.transfer_duration
         longest = self.params.initial_transfer_duration
         for _ in range(_HALVINGS):
