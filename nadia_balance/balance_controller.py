@@ -295,7 +295,10 @@ class BalanceController(Diagram):
     whole_body_...            whole_body_terms,             actuation,
     inverse_dynamics          momentum_rate, friction,      foot_wrenches,
                               walking_state,                generalized_...
-                              swing_foot_reference          acceleration
+                              swing_foot_reference, and     acceleration
+                              for tasks of one's own
+                              icp, icp_reference,
+                              mechanisms
     ========================  ============================  ==================
 
     Three loops are closed by states of the last tick: the walking state, the
@@ -343,6 +346,7 @@ class BalanceController(Diagram):
         "velocity_command",
         "footsteps",
         "revised_footsteps",
+        "icp_reference",  # if the capture_point_controller has none
     )
     # The blocks, with the outputs that others read.
     ROLES = {

@@ -4,7 +4,7 @@ import functools
 import itertools
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,
 )
-from nadia_balance.core.plan.cop_waypoints import IcpPlanParams
+from nadia_balance.core.plan.cop_waypoints import IcpPlanParams, Stance
 from nadia_balance.core.plan.footstep_plan import (
     FootstepPlan,
     FootstepPlannerParams,
@@ -29,7 +29,7 @@ from nadia_balance.core.plan.gait import (
     remaining_footsteps,
     walking_start,
 )
-from nadia_balance.core.plan.icp_plan import plan_icp, reference_of
+from nadia_balance.core.plan.icp_plan import IcpPlan, plan_icp, reference_of
 from nadia_balance.core.plan.time_adjustment import (
     TimeAdjustment,
     Timing,
@@ -430,15 +430,8 @@ class IcpPlanner(LeafSystem):
         super().__init__()
         check(params)
         self._walking = input_port(self, "walking_state")
-        plan: Any = (
-            plan_atlas_icp
-            if isinstance(params, AtlasIcpPlanParams)
-            else plan_icp
-        )
         self._planned: Any = declare_plan(
-            self,
-            self._walking,
-            lambda state: plan(state.schedule, params, model),
+            self, self._walking, _planning(params, model)
         )
         needs = [self._planned]
         declare_output(self, "icp_plan", self._plan, needs=needs)
@@ -453,6 +446,16 @@ class IcpPlanner(LeafSystem):
     def _calc_reference(self, context: Context) -> Array:
         now = reference_of(self._plan(context), self._walking(context))
         return np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
+
+
+def _planning(
+    params: IcpPlanParams | AtlasIcpPlanParams, model: PointMassModel
+) -> Callable[[WalkingState], IcpPlan]:
+    """The plan of a walking state, by the class of its parameters."""
+    if isinstance(params, AtlasIcpPlanParams):
+        return lambda state: plan_atlas_icp(state.schedule, params, model)
+    stance = Stance(params, model.cop_area)
+    return lambda state: plan_icp(state.schedule, params, model, stance)
 
 
 class TimingAdapter(LeafSystem):

@@ -7,7 +7,9 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.mechanisms import USUAL
 from nadia_balance.core.whole_body.command import SOLES, whole_body_command
 from nadia_balance.core.whole_body.limits import friction_after
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
@@ -32,6 +34,8 @@ class WholeBodyInverseDynamics(LeafSystem):
 
     `friction` is by default that of the parameters; `actuation` [N m] is in the
     order of the plant's actuators; `generalized_acceleration` (nv,) is vdot.
+    `mechanisms`, `icp` and `icp_reference` are for `tasks` alone: by default
+    all are on, and there is no error.
 
     Before the update of a tick the outputs are computed from the inputs; from
     then on to the next tick they are those of the state, independent of the
@@ -52,7 +56,8 @@ class WholeBodyInverseDynamics(LeafSystem):
 
         name: WholeBodyInverseDynamics
         input_ports: [whole_body_terms, momentum_rate, swing_foot_reference,
-                      walking_state, friction]
+                      walking_state, friction, mechanisms, icp,
+                      icp_reference]
         output_ports: [actuation, foot_wrenches, whole_body_qp_status,
                        generalized_acceleration]
     """
@@ -65,8 +70,8 @@ class WholeBodyInverseDynamics(LeafSystem):
         tasks: Iterable[Task] = (),
     ) -> None:
         super().__init__()
-        plant = robot.control_plant()
-        self._params = params
+        plant, tasks = robot.control_plant(), tuple(tasks)
+        self._params, self._has_tasks = params, bool(tasks)
         self._model = whole_body_model(robot, plant, params)
         self._qp = WholeBodyQp(params, self._model, period, tasks=tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
@@ -78,6 +83,9 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._friction = optional_input(
             self, "friction", default=[params.friction]
         )
+        self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
+        self._icp = optional_input(self, "icp")
+        self._icp_reference = optional_input(self, "icp_reference")
         declare_outcome(
             self,
             outputs={
@@ -104,6 +112,11 @@ class WholeBodyInverseDynamics(LeafSystem):
             params=self._params,
             model=self._model,
         )
+        if self._has_tasks:
+            command = command._replace(
+                mechanisms=self._mechanisms(context),
+                icp_error=self._icp_error(context),
+            )
         unsolved = last["unsolved"][0]
         last_status = QpStatus(last["whole_body_qp_status"])
         torques = None
@@ -132,6 +145,12 @@ class WholeBodyInverseDynamics(LeafSystem):
             torques,
             [unsolved + 1],
         )
+
+    def _icp_error(self, context: Context) -> Array:
+        icp, reference = self._icp(context), self._icp_reference(context)
+        if icp is None or reference is None:
+            return np.zeros(2)
+        return np.asarray(icp - reference.icp)
 
 
 class FrictionEstimator(LeafSystem):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
@@ -63,6 +64,34 @@ def test_gives_what_the_core_function_gives(tasks):
     qp = solution.qp
     expected = [1.0, float(qp.fallback), qp.solves, qp.violation, 0.0]
     assert status == pytest.approx(expected)
+
+
+class Recorder:
+    """A task that wants nothing, and keeps the command."""
+
+    name, weight = "recorder", 1.0
+
+    def motion(self, terms, command):
+        self.command = command
+
+
+def test_a_task_sees_the_mechanisms_and_the_icp_error():
+    """Oracle: by hand; without these inputs all are on, and it is 0."""
+    told, alone = Recorder(), Recorder()
+    reference = np.arange(8.0)  # begins with the ICP
+    values = inputs() | {
+        "mechanisms": MECHANISMS["step"].as_vector(),
+        "icp": np.array([0.3, 1.1]),
+        "icp_reference": reference,
+    }
+    system = system_with([told])
+    outputs(system, asked(system, **values))
+    assert told.command.mechanisms == MECHANISMS["step"]
+    assert told.command.icp_error == pytest.approx([0.3, 0.1])
+    system = system_with([alone])
+    outputs(system, asked(system, **inputs()))
+    assert alone.command.mechanisms == MECHANISMS["all_with_cross_over"]
+    assert not alone.command.icp_error.any()
 
 
 @pytest.mark.parametrize("unsolved", [3, 25, 26])

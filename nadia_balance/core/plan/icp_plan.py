@@ -197,7 +197,7 @@ class IcpPlan(Immutable):
     cop_waypoints: Array
     coefficients: Array
     offset: Array = field(default_factory=lambda: np.zeros(2))
-    stance: Stance | None = None
+    stance: Stance | None = field(default=None, repr=False)
     FOLLOWS_STEPS: ClassVar[bool] = False  # by itself, from the same start
 
     def __post_init__(self) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.body.model import JointDriveParams
-from nadia_balance.core.math.arrays import Array, cross
+from nadia_balance.core.math.arrays import Array, cross, read_only
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.walking.mechanisms import USUAL, Mechanisms
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
 from nadia_balance.core.whole_body.params import (
     CrossingTurnParams,
@@ -159,6 +160,8 @@ class WholeBodyCommand(NamedTuple):
             orientation has by now [-].
         sinking: velocities at which the (left, right) sole is to meet its
             ground, against the normal; 0: it stands there [m/s].
+        mechanisms: those that are on; set if there are tasks of the user's.
+        icp_error: measured less planned ICP (2,) in W, likewise [m].
     """
 
     momentum_rate: Array
@@ -172,6 +175,8 @@ class WholeBodyCommand(NamedTuple):
     edges: tuple[float, ...] = (0.0, 0.0)
     flatness: float = 1.0
     sinking: tuple[float, ...] = (0.0, 0.0)
+    mechanisms: Mechanisms = USUAL
+    icp_error: Array = read_only([0.0, 0.0], 2)
 
 
 def whole_body_command(
