@@ -72,6 +72,9 @@ def overlaid(tree: Any, over: Any) -> Any:
     Args:
         tree: mappings and lists.
         over: the tree above it.
+
+    Returns:
+        The merged tree.
     """
     if not (isinstance(tree, Mapping) and isinstance(over, Mapping)):
         return over

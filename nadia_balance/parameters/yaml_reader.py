@@ -42,6 +42,9 @@ def load_typed(
         data: YAML itself, in the place of a file.
         child_name: the only child that is read, if given.
 
+    Returns:
+        The parameters; bounds are not checked.
+
     Raises:
         ValueError: malformed YAML, an unknown field or a wrong type; one line
             that names it.
@@ -63,6 +66,9 @@ def load_tree(text: str, child_name: str | None = None) -> Any:
     Args:
         text: YAML; an empty one is {}.
         child_name: of the mapping at its top, or None for all of it.
+
+    Returns:
+        The tree.
 
     Raises:
         ValueError: malformed, misleading or too much YAML, or no such child.
@@ -162,6 +168,9 @@ def typed(schema: type[T], tree: object, name: str = "") -> T:
         tree: mappings, lists and leaves, which may be objects of their type.
         name: of the tree itself, for errors.
 
+    Returns:
+        The parameters.
+
     Raises:
         ValueError: names an unknown field, or one of a wrong type.
     """
@@ -241,6 +250,9 @@ def field_types(schema: type) -> dict[str, Any]:
 
     Args:
         schema: a dataclass.
+
+    Returns:
+        The types, by name.
     """
     hints = typing.get_type_hints(schema)
     fields = dataclasses.fields(schema)

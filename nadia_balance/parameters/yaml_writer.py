@@ -24,6 +24,9 @@ def dump(
         child_name: name under which they stand; "": none.
         comments: by the path of a value, such as "gait.step.length"; what
             stands beside it.
+
+    Returns:
+        The text.
     """
     tree = as_tree(parameters)
     text: str = yaml.dump(
@@ -43,6 +46,9 @@ def as_tree(value: Any) -> Any:
 
     Args:
         value: a dataclass, or what its fields may have.
+
+    Returns:
+        The tree.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = field_types(type(value))
