@@ -86,8 +86,6 @@ class Terrain:
         if self.name == FLAT:
             return None
         ground = Ground(self._regions(size), sole, self.margin)
-        for region in ground.regions:
-            check(region)
         check_ground(ground)
         return ground
 

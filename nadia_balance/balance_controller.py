@@ -27,7 +27,13 @@ from nadia_balance.core.steps.swing_foot import SwingFootParams
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.tasks import Task
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import (
+    bounded,
+    check,
+    check_number,
+    check_type,
+    parameters,
+)
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.feedback import (
     ComHeightController,
@@ -211,6 +217,9 @@ class CapturePointController(Diagram):
     ) -> None:
         super().__init__()
         check(params)
+        check_type("model", model, PointMassModel)
+        if start is not None:
+            check_type("start", start, WalkingState)
         period = params.control_period
         qp = params.icp_step_qp
         makers: dict[str, Callable[[], System]] = {
@@ -371,6 +380,8 @@ class BalanceController(Diagram):
     ) -> None:
         super().__init__()
         check(params)
+        check_type("robot", robot, RobotModel)
+        check_number("delay", delay, least=0.0, most=1.0, unit="s")
         tasks = tuple(tasks)
         if tasks and "whole_body_inverse_dynamics" in blocks:
             names = ", ".join(task.name for task in tasks)

@@ -187,6 +187,35 @@ def check(params: object, name: str = "") -> None:
             raise ValueError(_join(name, str(error))) from None
 
 
+def check_number(name: str, value: float, **bounds: Any) -> None:
+    """Checks an argument that is no field.
+
+    Args:
+        name: of the argument, which the message begins with.
+        value: the number.
+        **bounds: those of Bounds.
+
+    Raises:
+        ValueError: it is out of them, or no number.
+    """
+    _check(value, name, Bounds(**bounds))
+
+
+def check_type(name: str, value: object, kind: type) -> None:
+    """Checks the class of an argument.
+
+    Args:
+        name: of the argument, which the message begins with.
+        value: the argument.
+        kind: what it must be.
+
+    Raises:
+        ValueError: it is something else.
+    """
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} = {value!r}: must be a {kind.__name__}")
+
+
 def _check(value: object, name: str, bounds: Bounds) -> None:
     if dataclasses.is_dataclass(value):
         check(value, name)

@@ -25,7 +25,7 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
-from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.bounds import check, check_number
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.parameters.yaml_reader import load_tree, load_typed
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
@@ -196,7 +196,11 @@ class RobotModel:
 
         Returns:
             The plant, finalized, and its SceneGraph.
+
+        Raises:
+            ValueError: the time step is out of range.
         """
+        check_number("time_step", time_step, least=1e-5, most=0.1, unit="s")
         plant, scene_graph = AddMultibodyPlant(
             MultibodyPlantConfig(
                 time_step=time_step,

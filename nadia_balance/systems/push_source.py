@@ -27,7 +27,7 @@ from nadia_balance.core.walking.state import (
     number_of_ticks,
     whole_ticks,
 )
-from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.bounds import check, check_number
 from nadia_balance.systems.ports import (
     declare_cache,
     declare_output,
@@ -89,6 +89,8 @@ class PushSource(LeafSystem):
         base_body: str = "",
     ) -> None:
         super().__init__()
+        check_number("mass", mass, above=0.0, unit="kg")
+        check_number("period", period, above=0.0, most=0.1, unit="s")
         for push in pushes:
             check(push)
             whole_ticks("duration", push.duration, period)

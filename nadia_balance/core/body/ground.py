@@ -31,7 +31,7 @@ from nadia_balance.core.walking.state import (
     Immutable,
     Side,
 )
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
@@ -161,6 +161,12 @@ class Ground(Immutable):
     regions: tuple[Region, ...]
     sole: Array
     margin: float = 0.02  # [m]
+
+    def __post_init__(self) -> None:
+        if not self.regions:
+            raise ValueError("regions = (): must be at least one")
+        for region in self.regions:
+            check(region)
 
     @cached_property
     def is_level(self) -> bool:

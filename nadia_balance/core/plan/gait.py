@@ -32,7 +32,12 @@ from nadia_balance.core.walking.state import (
     Side,
     WalkingState,
 )
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import (
+    bounded,
+    check,
+    check_type,
+    parameters,
+)
 
 _SIDES = ("left", "right")
 _DISPLACED = 0.2  # foothold error, over w_nom, larger only after pushes [-]
@@ -198,8 +203,9 @@ def walking_start(
         The walking state, with all footsteps of the gait.
 
     Raises:
-        ValueError: see `make_footsteps`.
+        ValueError: see `make_footsteps`; `model` is none.
     """
+    check_type("model", model, PointMassModel)
     width = model.step_width if gait.step_width is None else gait.step_width
     feet = FootPoses(
         left=place.displaced(0.0, 0.5 * width),

@@ -97,6 +97,11 @@ class FootPose(Immutable):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p_WF", read_only(self.p_WF, 3))
+        x, y, z = self.p_WF.tolist()
+        if not math.isfinite(x + y + z + self.yaw):
+            raise ValueError(
+                f"p_WF = {[x, y, z]}, yaw = {self.yaw}: must be finite"
+            )
         if self.normal is not UPRIGHT:
             object.__setattr__(self, "normal", read_only(self.normal, 3))
 
