@@ -41,7 +41,7 @@ CALLS = {
     "nb.PushSource([], mass=-1, period=0.004)": "mass = -1: must be",
     "nb.PushSource([], mass=80, period=0)": "period = 0: must be",
     "nb.FootPose([math.nan, 0, 0], 0)": "p_WF = [nan, 0.0, 0.0], yaw = 0: must",
-    "nb.FootPose([0, 0, 0], math.inf)": "p_WF = [0.0, 0.0, 0.0], yaw = inf: must",
+    "nb.FootPose([0, 0, 0], math.inf)": "p_WF = [0.0, 0.0, 0.0], yaw = inf",
     "nb.FootPose([0, 0], 0)": "",
     "nb.Ground((), SOLE)": "regions = (): must",
     "nb.Ground((nb.Region(vertices=SQUARE[:2]),), SOLE)": "vertices = [[0.0",

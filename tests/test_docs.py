@@ -366,6 +366,8 @@ def test_the_reference_is_that_of_this_code():
     """Oracles: what docs/figures/reference.py writes; a run's own names."""
     page = (ROOT / "docs" / "reference.md").read_text("utf-8")
     assert page == reference.page(), "python docs/figures/reference.py"
+    for name, text in reference.schemas().items():
+        assert (ROOT / "docs" / name).read_text("utf-8") == text
     run = nb.simulate("push", 0.012)
     assert {*reference.SUMMARY} == {*run.summary}
     log = made_up_run.make_log()

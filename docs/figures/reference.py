@@ -11,6 +11,7 @@ import contextlib
 import dataclasses
 import importlib
 import inspect
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,7 +29,9 @@ from nadia_balance.diagrams.scenario import (
     scenario_names,
 )
 from nadia_balance.parameters.bounds import UNBOUNDED, meaning
+from nadia_balance.parameters.json_schema import json_schema, named_schema
 from nadia_balance.results.log import _VIEWS
+from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 
 PAGE = Path(__file__).parents[1] / "reference.md"
@@ -331,8 +334,24 @@ def page() -> str:
     return "\n".join(lines) + "\n"
 
 
+def schemas() -> dict[str, str]:
+    """The JSON schemas of the package's YAML, for editors.
+
+    Returns:
+        Their texts, by the names of their files in docs.
+    """
+    made = {
+        "robot.schema.json": json_schema(RobotParams, "robot.yaml"),
+        "scenario.schema.json": named_schema(Scenario, "a file of scenarios"),
+    }
+    return {
+        name: f"{json.dumps(schema, indent=1)}\n"
+        for name, schema in made.items()
+    }
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Writes the page.
+    """Writes the page, and the schemas beside it.
 
     Args:
         argv: the command line; None: that of the process.
@@ -343,6 +362,8 @@ def main(argv: list[str] | None = None) -> int:
     CommandLine(__file__, __doc__, "0 written, 2 bad input.").parse_args(argv)
     PAGE.write_text(page(), encoding="utf-8")
     say(f"wrote {PAGE}")
+    for name, text in schemas().items():
+        PAGE.with_name(name).write_text(text, encoding="utf-8")
     return DONE
 
 
