@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from nadia_balance.balance_controller import (
         ControllerParams as ControllerParams,
     )
+    from nadia_balance.balance_controller import (
+        controller_params as controller_params,
+    )
     from nadia_balance.core.body.ground import Ground as Ground
     from nadia_balance.core.body.ground import Region as Region
     from nadia_balance.core.body.model import PointMassModel as PointMassModel
@@ -173,6 +176,7 @@ _MODULES = {
     "add_ground": "robot.plants",
     "add_mujoco_plant": "engines.plants",
     "connect": "systems.wiring",
+    "controller_params": "balance_controller",
     "load_robot": "robot.model",
     "load_scenario": "diagrams.scenario",
     "simulate": "diagrams.simulation",

@@ -34,7 +34,8 @@ from nadia_balance.parameters.bounds import (
     check_type,
     parameters,
 )
-from nadia_balance.robot.model import RobotModel
+from nadia_balance.parameters.scaling import scaled
+from nadia_balance.robot.model import RobotModel, load_robot_params
 from nadia_balance.systems.feedback import (
     ComHeightController,
     IcpStepController,
@@ -119,6 +120,24 @@ class ControllerParams:
                 f"icp_step_qp.num_steps = {qp.num_steps}: must be <= "
                 f"num_previewed_steps = {planned} of atlas_icp_plan"
             )
+
+
+def controller_params(robot: str) -> ControllerParams:
+    """The parameters of a robot, without those of a scenario.
+
+    Args:
+        robot: name of a robot of the package, or path of a robot.yaml.
+
+    Returns:
+        The defaults, scaled to its size, below what its robot.yaml gives.
+
+    Raises:
+        ValueError: as load_robot.
+        FileNotFoundError: as load_robot.
+    """
+    params = load_robot_params(robot)[0]
+    usual = scaled(ControllerParams(), params.size)
+    return replace(usual, whole_body=params.whole_body)
 
 
 class CapturePointController(Diagram):

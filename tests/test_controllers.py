@@ -12,6 +12,7 @@ from nadia_balance.balance_controller import (
     BalanceController,
     CapturePointController,
     ControllerParams,
+    controller_params,
 )
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.steps.foothold_adjustment import current_adjustment
@@ -141,3 +142,11 @@ def test_whoever_lacks_a_walking_state_or_regions_is_drawn_and_told():
         assert not simulate(diagram, 0.05).error
     with pytest.raises(ValueError, match="^controller = Limp: .*'actuation'"):
         HumanoidDiagram(scenario, controller=Limp(22))
+
+
+@pytest.mark.parametrize("robot", ["nadia", "g1"])
+def test_parameters_of_a_robot_are_those_of_a_scenario_that_gives_none(robot):
+    """Oracle: the layers: default by size, robot.yaml."""
+    bare = load_scenario("walk_in_place", robot=robot)
+    assert controller_params(robot) == bare.controller
+    assert controller_params(robot).whole_body.joint_lower_limits

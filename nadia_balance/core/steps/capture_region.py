@@ -179,8 +179,7 @@ class CaptureRegionStepAdjusterParams:
                 f"foot_front = {self.foot_front}, foot_back = "
                 f"{self.foot_back}, foot_inside = {self.foot_inside}, "
                 f"foot_outside = {self.foot_outside}: must leave some of the "
-                "sole; parameters for a robot are load_scenario(..., "
-                "robot=...).controller"
+                "sole; those of a robot are controller_params(its name)"
             )
         return part
 
