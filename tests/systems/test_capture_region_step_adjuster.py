@@ -16,12 +16,13 @@ from nadia_balance.core.steps.foothold_adjustment import (
     touchdown_interval,
     unadjusted,
 )
+from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import Adjustment, FootPose, WalkingState
 from nadia_balance.systems.ports import NOTHING
 from nadia_balance.systems.steps import CaptureRegionStepAdjuster
 from tests.blocks import answer, asked, fix
 from tests.example_walks import ALL, MODEL, standing, walk
-from tests.systems.test_icp_step_controller import IN_AIR, IN_PLACE, OUT
+from tests.systems.test_icp_step_controller import IN_AIR, IN_PLACE, OFF, OUT
 
 PARAMS = CaptureRegionStepAdjusterParams()
 PERIOD = 0.002  # [s]
@@ -86,18 +87,16 @@ def test_sees_the_way_of_the_foot_while_a_swing_may_be_faster():
 
 
 def test_proposes_nothing_and_draws_what_stays_while_it_is_off():
-    """Oracle: NOTHING; the foothold that stays, its region without cross-over.
-
-    The first of the mechanisms is the switch.
-    """
+    """Oracle: NOTHING; the foothold that stays, its region without crossing."""
     context = asked(ADJUSTER, walking_state=IN_AIR, alip_icp=OUT)
     for on in True, False, True:
-        fix(ADJUSTER, context, mechanisms=[on, 0, 0, 1])
+        mechanisms = Mechanisms(step=on, cross_over=True)
+        fix(ADJUSTER, context, mechanisms=mechanisms.as_vector())
         assert (adjustment(context) is not NOTHING) is on
     assert adjustment(context) == expected()
     before = Adjustment(IN_PLACE.footsteps[0], NEAR, "forward")
     state = replace(IN_AIR, adjustment=before)
-    fix(ADJUSTER, context, mechanisms=[0, 0, 0, 0], walking_state=state)
+    fix(ADJUSTER, context, mechanisms=OFF, walking_state=state)
     off = drawn(context)
     assert (off.adjusted, off.nominal) == (NEAR, IN_PLACE.footsteps[0].pose)
     assert len(off.regions) == 3

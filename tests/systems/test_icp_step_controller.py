@@ -7,6 +7,7 @@ import pytest
 
 from nadia_balance.core.feedback import icp_step_qp
 from nadia_balance.core.plan import atlas_icp_plan
+from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.feedback import IcpStepController
 from nadia_balance.systems.ports import NOTHING
@@ -18,6 +19,8 @@ from tests.systems.test_icp_planner import assert_tells
 PARAMS = icp_step_qp.IcpStepQpParams()
 CONTROLLER = IcpStepController(PARAMS, MODEL, 0.002)
 OUT = np.array([0.25, 0.05])  # an ICP that needs a step forward
+OFF = Mechanisms().as_vector()
+STEP = Mechanisms(step=True).as_vector()
 IN_PLACE = swing(length=0.0)
 IN_AIR = WalkingState(IN_PLACE, time_in_phase=0.3, elapsed=0.3)
 
@@ -52,16 +55,16 @@ def test_its_outputs_are_those_of_the_core_at_t_plus(gain, later):
 
 def test_can_be_switched_off_and_on():
     """Oracle: off, it proposes None, and the foothold stays."""
-    context = asked(CONTROLLER, mechanisms=[1, 0, 0, 0], **inputs())
+    context = asked(CONTROLLER, mechanisms=STEP, **inputs())
     proposed = answer(CONTROLLER, context, "adjustment")
     first, *rest = IN_PLACE.footsteps
     steps = replace(first, pose=proposed.pose), *rest
     moved = replace(IN_PLACE, footsteps=steps)
     state = replace(IN_AIR, schedule=moved, adjustment=proposed)
-    fix(CONTROLLER, context, mechanisms=[0, 0, 0, 0], **inputs(state))
+    fix(CONTROLLER, context, mechanisms=OFF, **inputs(state))
     assert answer(CONTROLLER, context, "adjustment") is NOTHING
     drawn = answer(CONTROLLER, context, "capture_regions")
     assert drawn.adjusted is proposed.pose
-    fix(CONTROLLER, context, mechanisms=[1, 0, 0, 0], **inputs())
+    fix(CONTROLLER, context, mechanisms=STEP, **inputs())
     again = answer(CONTROLLER, context, "adjustment")
     np.testing.assert_array_equal(again.pose.p_WF, proposed.pose.p_WF)

@@ -69,7 +69,8 @@ class MechanismSet(NamedTuple):
     name: str  # of --mechanisms
     on: Mechanisms
     color: str  # of its curve; one hue, darker for more mechanisms
-    paper: str  # "nadia": a curve of its Fig. 10; "atlas": of its Fig. 6
+    # "nadia": a curve of its Fig. 10; "atlas": of its Fig. 6; "": one's own.
+    paper: str
 
 
 # In order of more mechanisms.
@@ -103,7 +104,7 @@ SETS = (
 )
 MECHANISMS = {one.name: one.on for one in SETS if one.paper == "nadia"}
 ATLAS_MECHANISMS = {one.name: one.on for one in SETS if one.paper == "atlas"}
-NAMED = MECHANISMS | ATLAS_MECHANISMS
+NAMED = {one.name: one.on for one in SETS}
 # What is on where nobody says: all of the paper.
 USUAL = list(MECHANISMS.values())[-1]
 COLORS = {one.name: one.color for one in SETS}
