@@ -13,11 +13,13 @@ from matplotlib.figure import Figure
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
+from nadia_balance.core.estimation.gaps import bridged
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.results.estimation import lost_at, measure_estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
+from nadia_balance.results.npz import read_npz
 from nadia_balance.results.plots.style import RC
 from nadia_balance.results.plots.time_series import draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
@@ -112,7 +114,8 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
         `t` (n,) from 0 [s], SENSED and, if it is there, `state`.
 
     Raises:
-        ValueError: one is missing, not of its size, or `t` is uneven.
+        ValueError: one is missing, not of its size, or has a gap that is told
+            by row and time.
     """
     names = robot.control_plant().GetPositionNames(False, False)[7:]
     try:
@@ -124,7 +127,7 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
             log = _read_npz(path)
         else:
             raise ValueError("by its name it is neither")
-        _check_sensed(log, len(names))
+        log = _checked(log, len(names))
     except command_line.BROKEN as error:
         raise ValueError(
             f"log = {path}: must be a CSV or npz as in docs/sensors.md "
@@ -158,16 +161,16 @@ def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
 
 
 def _read_npz(path: Path) -> dict[str, Array]:
-    with np.load(path, allow_pickle=False) as data:
-        return {
-            name: data[name].astype(float)
-            for name in {"t", *SENSED, *({"state"} & {*data})}
-        }
+    log = read_npz(path)
+    return {
+        name: log[name].astype(float)
+        for name in {"t", *SENSED, *({"state"} & {*log})}
+    }
 
 
-def _check_sensed(log: dict[str, Array], num_joints: int) -> None:
-    """Lets `t` begin at 0 and completes the IMU; ValueError: a bad log."""
-    t = log["t"] = log["t"] - log["t"][0]
+def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
+    """Completes the IMU, and bridges short gaps; ValueError: a bad log."""
+    t = log.pop("t")
     log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))[:, :9]
     sizes = {
         "imu": 9,
@@ -178,10 +181,10 @@ def _check_sensed(log: dict[str, Array], num_joints: int) -> None:
     for name, size in sizes.items():
         if name in log and log[name].shape != (len(t), size):
             raise ValueError(f"{name} must be ({len(t)}, {size})")
-    if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
-        raise ValueError("t must rise in equal steps")
+    log = bridged(t, log)
     if log["imu"][0, 5] < 0.0:
         raise ValueError("force_z must be 9.81 m/s^2 while it stands")
+    return log
 
 
 def standing(joints: Array, robot: RobotModel) -> Array:

@@ -16,6 +16,7 @@ from nadia_balance.palette import COP, FLOOR, ICP, ICP_REFERENCE, rgba
 from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import _VIEWS, Log
+from nadia_balance.results.npz import read_npz
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.scripts import command_line
 
@@ -74,8 +75,7 @@ def read_run(run: Path) -> tuple[Log, dict[str, list[str]], RobotModel]:
         text = (run / "scenario.yaml").read_text("utf-8")
         (scenario,) = dict(load_tree(text)).values()
         robot = load_robot(scenario["robot"], scenario["fidelity"])
-        with np.load(io.BytesIO((run / "log.npz").read_bytes())) as data:
-            log = dict(data)
+        log = read_npz(run / "log.npz")
         return log, _columns(log, robot), robot
     except (OSError, *command_line.BROKEN) as error:
         raise ValueError(
