@@ -14,6 +14,7 @@ from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.projections.polar import PolarAxes
@@ -367,13 +368,15 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     protocol = limits.protocol(limits.situations[0])
     if protocol:
         labels[protocol.paper] = protocol.paper
+    handles: list[Artist] = [lines[name] for name in labels]
+    # Where no limit is known, as from standing, nothing is drawn of it.
+    if np.size(lines[HIPS_LABEL].get_xdata()):
+        handles.append(Patch(facecolor=BEYOND, edgecolor=FAINT))
+        handles.append(lines[HIPS_LABEL])
+        labels |= {LIMIT_LABEL: LIMIT_LABEL, HIPS_LABEL: HIPS_LABEL}
     fig.legend(
-        handles=[
-            *(lines[name] for name in labels),
-            Patch(facecolor=BEYOND, edgecolor=FAINT),
-            lines[HIPS_LABEL],
-        ],
-        labels=[*labels.values(), LIMIT_LABEL, HIPS_LABEL],
+        handles=handles,
+        labels=[*labels.values()],
         loc="outside right center",
         fontsize=9.5,
     )
