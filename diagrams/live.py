@@ -12,6 +12,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
@@ -24,7 +25,7 @@ from nadia_balance.results.live_watches import (
 )
 from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.signals import ComState, WalkingSignal, read
-from nadia_balance.view.aims import Aims, heading
+from nadia_balance.view.aims import Aims
 from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.live_controls import LiveControls
 from nadia_balance.view.scene import CONTROLS, move_floor
@@ -213,8 +214,9 @@ class LiveSession:
         com = ComState(read(diagram.signals["com_state"], context)).position
         command = self._controls.GetOutputPort("velocity_command")
         self._commanded = np.array(read(command, context))
-        feet = state.schedule.feet
-        self._walked = self._velocity.look(now, com[:2], heading(feet))
+        self._walked = self._velocity.look(
+            now, com[:2], middle(state.schedule.feet).yaw
+        )
         regions = None
         port = diagram.signals.get("capture_regions")
         if port is not None and state.schedule.phase is Phase.SWING:

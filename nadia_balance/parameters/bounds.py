@@ -63,8 +63,10 @@ class Bounds(NamedTuple):
         """False for NaN, and beyond LARGEST on a side without a bound."""
         if math.isinf(value):
             return not self.finite
-        upper, lower = (self.most, self.below), (self.least, self.above)
-        given = upper if value > 0.0 else lower
+        if value > 0.0:
+            given = (self.most, self.below)
+        else:
+            given = (self.least, self.above)
         return given != (None, None) or abs(value) <= self._largest
 
     def rule(self, value: float) -> str:

@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import FootPoses, Side
 
 ROOT = "/aims"  # not part of the drawings of a run
@@ -73,8 +74,10 @@ class Aims:
             shaft[2, 3] = -_GAP - _TIP - 0.5 * length
             self._meshcat.SetTransform(f"{PUSH}/shaft", shaft)
         direction: Any = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        R_WP = RotationMatrix.MakeFromOneVector(direction, 2)
-        self._meshcat.SetTransform(PUSH, RigidTransform(R_WP, com))
+        self._meshcat.SetTransform(
+            PUSH,
+            RigidTransform(RotationMatrix.MakeFromOneVector(direction, 2), com),
+        )
 
     def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
         """Draws the commanded way on the ground; none if it is to stand.
@@ -92,8 +95,12 @@ class Aims:
         if np.any(command):
             height = max(float(feet[side].p_WF[2]) for side in Side)
             p_W: Any = np.array([com[0], com[1], height + _ABOVE])
-            R = RotationMatrix.MakeZRotation(heading(feet))
-            self._meshcat.SetTransform(COMMAND, RigidTransform(R, p_W))
+            self._meshcat.SetTransform(
+                COMMAND,
+                RigidTransform(
+                    RotationMatrix.MakeZRotation(middle(feet).yaw), p_W
+                ),
+            )
 
     def _add_band(self, points: Array) -> None:
         """Adds a band along the points (n, 2) [m], with a tip at its end."""
@@ -122,19 +129,6 @@ class Aims:
         self._meshcat.SetTriangleMesh(
             COMMAND, vertices, triangles, palette.rgba(palette.COMMAND, 0.8)
         )
-
-
-def heading(feet: FootPoses) -> float:
-    """Returns the heading of the robot: the mean yaw of both soles.
-
-    Args:
-        feet: poses of the soles in W.
-
-    Returns:
-        The angle [rad].
-    """
-    turn = math.remainder(feet.right.yaw - feet.left.yaw, math.tau)
-    return feet.left.yaw + 0.5 * turn
 
 
 def commanded_way(command: Array) -> Array:

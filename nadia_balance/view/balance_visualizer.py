@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context, EventStatus, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
@@ -180,15 +180,14 @@ class BalanceVisualizer(LeafSystem):
                     palette.rgba(palette.GROUND, 0.5),
                 ).show(True, None)
 
-    def _forget(self, context: Context) -> EventStatus:
+    def _forget(self, context: Context) -> None:
         """Removes the drawings of the previous run."""
         self._meshcat.Delete(FOOTPRINTS)
         for polygon in self._polygons.values():
             polygon.forget()
         self._arrow.show(False, context.get_time())
-        return EventStatus.Succeeded()
 
-    def _draw(self, context: Context) -> EventStatus:
+    def _draw(self, context: Context) -> None:
         time = context.get_time()
         state = self._walking_state(context)
         schedule = state.schedule
@@ -201,7 +200,6 @@ class BalanceVisualizer(LeafSystem):
         self._draw_com_and_push(context)
         if schedule.phase is not Phase.SWING:
             self._region_view.show(False, time)
-        return EventStatus.Succeeded()
 
     def _draw_points(self, context: Context, ground: float) -> None:
         """Draws the points that are on the `ground` [m]."""
@@ -281,16 +279,17 @@ class BalanceVisualizer(LeafSystem):
         else:
             self._arrow.show(False, None)  # a recording shows it longer
 
-    def _draw_regions(self, context: Context) -> EventStatus:
+    def _draw_regions(self, context: Context) -> None:
         """Draws the capture regions, clipped to RADIUS about the stance foot.
 
         Long before touchdown they extend for many metres.
         """
         schedule = self._walking_state(context).schedule
-        swings = schedule.phase is Phase.SWING
-        regions = self._regions(context) if swings else None
+        regions = (
+            self._regions(context) if schedule.phase is Phase.SWING else None
+        )
         if regions is None:
-            return EventStatus.DidNothing()
+            return
         time = context.get_time()
         x, y, z = schedule.feet[schedule.support_side].p_WF
         near = circle(RADIUS, 24) + [x, y]
@@ -308,4 +307,3 @@ class BalanceVisualizer(LeafSystem):
         )
         self._nominal.place(sole_transform(feet[0]) if is_moved else None, time)
         self._region_view.show(True, time)
-        return EventStatus.Succeeded()

@@ -6,7 +6,7 @@ and hidden, always with the time of the frame.
 """
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import (
@@ -155,12 +155,14 @@ def set_scene(meshcat: Meshcat) -> None:
         meshcat.SetProperty(path, "intensity", intensity)
         if position is not None:
             meshcat.SetProperty(path, "position", position)
-    for name, color in (
-        ("top_color", palette.SKY_TOP),
-        ("bottom_color", palette.SKY_BOTTOM),
-    ):
-        sky: Any = palette.rgb(color)
-        meshcat.SetProperty("/Background/<object>", name, sky)
+    meshcat.SetProperty(
+        "/Background/<object>", "top_color", list(palette.rgb(palette.SKY_TOP))
+    )
+    meshcat.SetProperty(
+        "/Background/<object>",
+        "bottom_color",
+        list(palette.rgb(palette.SKY_BOTTOM)),
+    )
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
     _add_floor(meshcat)
@@ -456,9 +458,8 @@ def add_mechanisms(
         The port of the mechanisms.
     """
     if meshcat is None:
-        switches: Any = on.as_vector()
         return builder.AddNamedSystem(
-            "mechanisms", ConstantVectorSource(switches)
+            "mechanisms", ConstantVectorSource(cast(Any, on.as_vector()))
         ).get_output_port()
     controls = builder.AddNamedSystem(
         CONTROLS, LiveControls(meshcat, on, limits)
