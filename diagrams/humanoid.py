@@ -214,8 +214,7 @@ class HumanoidDiagram(ClosedLoop):
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
-            weight = self.robot.mass * GRAVITY
-            clock = ContactClock(weight, self.push.period)
+            clock = ContactClock(self.robot.mass * GRAVITY, self.push.period)
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
@@ -223,8 +222,9 @@ class HumanoidDiagram(ClosedLoop):
         mouse = None
         if meshcat is not None and engine is self.plant:
             mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
-        pushes = self.push.GetOutputPort("spatial_forces")
-        connect_forces(builder, engine, pushes, mouse)
+        connect_forces(
+            builder, engine, self.push.GetOutputPort("spatial_forces"), mouse
+        )
         self._mechanisms = add_mechanisms(
             builder,
             NAMED[self.scenario.mechanisms],
@@ -233,8 +233,9 @@ class HumanoidDiagram(ClosedLoop):
             self.velocity_limits,
         )
         if controller.HasInputPort("mechanisms"):
-            port = controller.GetInputPort("mechanisms")
-            builder.Connect(self._mechanisms, port)
+            builder.Connect(
+                self._mechanisms, controller.GetInputPort("mechanisms")
+            )
         self._command = self._connect_sources(builder, controller, sources)
 
     def _drive(self, builder: DiagramBuilder) -> None:
@@ -259,9 +260,11 @@ class HumanoidDiagram(ClosedLoop):
             self._estimate(builder)
             state = self._measured["estimated_state"]
         if scenario.imperfections.has_noise or scenario.delay:
-            errors = replace(scenario.imperfections, delay=scenario.delay)
             sensor = StateSensor(
-                self.plant, errors, self.push.period, scenario.seed
+                self.plant,
+                replace(scenario.imperfections, delay=scenario.delay),
+                self.push.period,
+                scenario.seed,
             )
             builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
@@ -286,12 +289,11 @@ class HumanoidDiagram(ClosedLoop):
             self.scenario.estimator,
         )
         builder.AddNamedSystem("state_estimator", estimator)
-        imu = Imu(self.robot, self._sensors, period, seed)
-        encoders = JointEncoders(self.robot, self._sensors, period, seed)
-        for name, sensor, signal in (
-            ("imu", imu, "imu"),
-            ("joint_encoders", encoders, "joints"),
+        for name, kind, signal in (
+            ("imu", Imu, "imu"),
+            ("joint_encoders", JointEncoders, "joints"),
         ):
+            sensor = kind(self.robot, self._sensors, period, seed)
             builder.AddNamedSystem(name, sensor)
             self._measured[signal] = sensor.GetOutputPort(signal)
             connect(builder, self.engine, sensor, "state")
@@ -343,8 +345,7 @@ class HumanoidDiagram(ClosedLoop):
         # The pelvis is the floating base: quaternion and position come first.
         height, schedule = state[6], None
         if self.HasOutputPort("walking_state"):
-            walking: Any = self.GetOutputPort("walking_state").Eval(context)
-            schedule = walking.schedule
+            schedule = read(self.signals["walking_state"], context).schedule
             if is_uneven:
                 height -= schedule.feet[schedule.support_side].p_WF[2]
         if height < FALLEN_HEIGHT * self._standing[6]:
@@ -382,8 +383,10 @@ class HumanoidDiagram(ClosedLoop):
         Returns:
             The names of what touches.
         """
-        results = read(self.engine.GetOutputPort("contact_results"), context)
-        return self.robot.improper_contacts(self.plant, results)
+        return self.robot.improper_contacts(
+            self.plant,
+            read(self.engine.GetOutputPort("contact_results"), context),
+        )
 
     def passed_limit(self, context: Context) -> bool:
         """Returns whether a joint's speed or the torso's tilt is too large.
@@ -400,8 +403,10 @@ class HumanoidDiagram(ClosedLoop):
         torso, _ = self._poses.trunk_tilt(state)
         speeds = np.abs(state[self.plant.num_positions() + 6 :])
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
-        tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
-        return bool(tilts or (speeds > limits).any())
+        return bool(
+            torso > math.radians(self.scenario.max_torso_tilt_deg)
+            or (speeds > limits).any()
+        )
 
     def fastest_joint(self, context: Context) -> tuple[str, float]:
         """Returns the joint closest to its speed limit.
@@ -414,12 +419,11 @@ class HumanoidDiagram(ClosedLoop):
         """
         if self.scenario.fidelity == "ideal":
             return "", 0.0
+        first = self.plant.num_positions() + 6  # of the joints, in [q, v]
         state = read(self.engine.GetOutputPort("state"), context)
-        speeds = np.abs(state[self.plant.num_positions() + 6 :])
-        ratios = speeds / self.robot.max_joint_speeds
+        ratios = np.abs(state[first:]) / self.robot.max_joint_speeds
         i = int(np.argmax(ratios))
-        velocity = self.plant.num_positions() + 6 + i
-        name = self.plant.GetStateNames(False)[velocity]
+        name = self.plant.GetStateNames(False)[first + i]
         return name.removesuffix("_w").removesuffix("_v"), float(ratios[i])
 
     def read_logs(self, context: Context) -> Logs:

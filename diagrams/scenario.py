@@ -73,8 +73,9 @@ class Place:
     @property
     def pose(self) -> FootPose:
         """The level frame between the feet."""
-        p_WF = np.array([self.x, self.y, 0.0])
-        return FootPose(p_WF, math.radians(self.yaw_deg))
+        return FootPose(
+            np.array([self.x, self.y, 0.0]), math.radians(self.yaw_deg)
+        )
 
 
 @parameters
@@ -224,9 +225,10 @@ class Scenario:
         Returns:
             The model of capture-point control.
         """
-        size = robot.params.size
-        ground = self.terrain.ground(robot.sole, size)
-        ground = self.terrain.known(ground, self.place.pose.p_WF[:2])
+        ground = self.terrain.known(
+            self.terrain.ground(robot.sole, robot.params.size),
+            start=self.place.pose.p_WF[:2],
+        )
         return replace(robot.point_mass, ground=ground)
 
     @property
@@ -302,8 +304,11 @@ class Scenario:
         pushes = copy.deepcopy(self.pushes)
         for push in pushes[:1]:
             push.at = STANDING_AT
-        gait = Gait(step_width=self.gait.step_width)
-        return self.changed(gait=gait, commands=[], pushes=pushes)
+        return self.changed(
+            gait=Gait(step_width=self.gait.step_width),
+            commands=[],
+            pushes=pushes,
+        )
 
     def walking_by(self, command: Command) -> Self:
         """Returns this scenario with one command in the place of all steps.
@@ -314,8 +319,10 @@ class Scenario:
         Returns:
             Another scenario, checked.
         """
-        gait = replace(self.gait, num_steps=0, steps=[], footholds=[])
-        return self.changed(gait=gait, commands=[command])
+        return self.changed(
+            gait=replace(self.gait, num_steps=0, steps=[], footholds=[]),
+            commands=[command],
+        )
 
     def changed(self, **fields: Any) -> Self:
         """Returns this scenario with other values, checked.
@@ -330,13 +337,12 @@ class Scenario:
             ValueError: names a field that there is not, or its bad value.
         """
         check_types(type(self), fields)
-        flags = {name: "flag" for name in fields}
-        kept = {
+        sources = {
             path: source
             for path, source in self.sources.items()
             if path.partition(".")[0] not in fields
-        }
-        changed = replace(self, **fields, sources=kept | flags)
+        } | dict.fromkeys(fields, "flag")
+        changed = replace(self, **fields, sources=sources)
         check(changed)
         return changed
 
@@ -515,9 +521,10 @@ def _with_random(scenario: Scenario) -> Scenario:
     duration, seed = scenario.duration, scenario.seed
     if largest := scenario.random_delta_v:
         pause = scenario.random_pause
-        count = int(duration / pause)
-        pushes = random_pushes(count, seed, largest, (pause, pause))
-        in_time = [push for push in pushes if push.moment.time < duration]
+        drawn = random_pushes(
+            int(duration / pause), seed, largest, (pause, pause)
+        )
+        in_time = [push for push in drawn if push.moment.time < duration]
         scenario = replace(
             scenario, pushes=[*scenario.pushes, *in_time], random_delta_v=0.0
         )
@@ -527,8 +534,8 @@ def _with_random(scenario: Scenario) -> Scenario:
         rng = np.random.default_rng([seed, 1])  # not that of the pushes
         commands = list(scenario.commands)
         for second in range(1, math.ceil(duration)):
-            drawn = share * rng.uniform(limits[0], limits[1])
-            forward, left, turn = drawn.tolist()
+            command = share * rng.uniform(limits[0], limits[1])
+            forward, left, turn = command.tolist()
             commands.append(
                 Command(time=second, forward=forward, left=left, turn=turn)
             )
@@ -539,8 +546,9 @@ def _with_random(scenario: Scenario) -> Scenario:
 def _degrees(direction: str | float, moment: Moment) -> float:
     """A direction [deg] of a push at this moment, by number or by name."""
     if direction in DIRECTIONS:
-        mirrored = moment.swing is Side.LEFT
-        return DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
+        return DIRECTIONS[direction] * (
+            -1.0 if moment.swing is Side.LEFT else 1.0
+        )
     try:
         return float(direction)
     except ValueError:

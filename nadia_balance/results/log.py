@@ -378,8 +378,11 @@ def walking_at(log: Log, row: int) -> WalkingSignal | None:
     Returns:
         The signal, None if it is not logged.
     """
-    name = "walking_signal"
-    return WalkingSignal(log[name][row]) if name in log else None
+    return (
+        WalkingSignal(log["walking_signal"][row])
+        if "walking_signal" in log
+        else None
+    )
 
 
 def support_side(walking: WalkingSignal) -> Side:
