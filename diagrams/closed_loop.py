@@ -293,12 +293,11 @@ class ClosedLoop(Diagram):
         if not np.all(last):
             t, data = t[last], data[last]
         ends = np.cumsum(list(self._sizes.values()))[:-1]
-        columns = np.split(data, ends, axis=1)
         # Regions of all footholds: legs may be let cross during a run.
         regions = step_regions(self.robot.point_mass.reach, cross_over=True)
         logs: Logs = {
             "t": t,
-            **dict(zip(self._sizes, columns, strict=True)),
+            **dict(zip(self._sizes, np.split(data, ends, axis=1), strict=True)),
             **{f"region_{name}": region for name, region in regions.items()},
             "sole": self.robot.sole,
         }

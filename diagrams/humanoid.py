@@ -18,7 +18,6 @@ from pydrake.systems.framework import (
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.diagrams.closed_loop import ClosedLoop, Logs, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -89,7 +88,13 @@ class HumanoidDiagram(ClosedLoop):
         period = scenario.controller.control_period
         model = scenario.point_mass(self.robot)
         start = scenario.start(model)
-        self._check_ground(start)
+        # The controller's friction coefficient: a margin below the ground's.
+        check_start(
+            self._ground,
+            start.schedule.feet,
+            min(scenario.imperfections.friction_ratio, 1.0)
+            * scenario.controller.whole_body.friction,
+        )
         self._poses = MeasuredPoses(self.robot)
         self._standing = self.robot.standing_positions(
             scenario.gait.step_width, scenario.place.pose
@@ -145,13 +150,6 @@ class HumanoidDiagram(ClosedLoop):
             **self._measured,
         )
 
-    def _check_ground(self, start: WalkingState) -> None:
-        """Raises ValueError: the robot cannot stand on it."""
-        # The controller's friction coefficient: a margin below the ground's.
-        slip = min(self.scenario.imperfections.friction_ratio, 1.0)
-        friction = slip * self.scenario.controller.whole_body.friction
-        check_start(self._ground, start.schedule.feet, friction)
-
     def _draw(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
         add_robot_view(builder, self.scene_graph, meshcat)
         move_floor(meshcat, self.scenario.place.pose.p_WF)
@@ -170,20 +168,19 @@ class HumanoidDiagram(ClosedLoop):
             )
         states = self.plant.num_multibody_states()
         actuators = self.plant.num_actuated_dofs()
-        state, torques = "estimated_state", "actuation"
         if (
-            not controller.HasInputPort(state)
-            or controller.GetInputPort(state).size() != states
+            not controller.HasInputPort("estimated_state")
+            or controller.GetInputPort("estimated_state").size() != states
         ):
             raise ValueError(
-                f"{named}: must have a port {state!r} of size {states}"
+                f"{named}: must have a port 'estimated_state' of size {states}"
             )
         if (
-            not controller.HasOutputPort(torques)
-            or controller.GetOutputPort(torques).size() != actuators
+            not controller.HasOutputPort("actuation")
+            or controller.GetOutputPort("actuation").size() != actuators
         ):
             raise ValueError(
-                f"{named}: must have a port {torques!r} of size {actuators}"
+                f"{named}: must have a port 'actuation' of size {actuators}"
             )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
@@ -318,16 +315,19 @@ class HumanoidDiagram(ClosedLoop):
         if ratio != 1.0:  # scales its inertia, too
             torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
             inertia = torso.CalcSpatialInertiaInBodyFrame(engine_context)
-            heavier = SpatialInertia(
-                ratio * inertia.get_mass(),
-                inertia.get_com(),
-                inertia.get_unit_inertia(),
+            torso.SetSpatialInertiaInBodyFrame(
+                engine_context,
+                SpatialInertia(
+                    ratio * inertia.get_mass(),
+                    inertia.get_com(),
+                    inertia.get_unit_inertia(),
+                ),
             )
-            torso.SetSpatialInertiaInBodyFrame(engine_context, heavier)
         if self._drives is not None:  # initial torques are the commanded ones
             drives_context = self._drives.GetMyMutableContextFromRoot(context)
-            port = self._drives.GetInputPort("actuation")
-            torques: Any = port.Eval(drives_context)
+            torques: Any = self._drives.GetInputPort("actuation").Eval(
+                drives_context
+            )
             drives_context.SetDiscreteState(torques)
 
     def fall_reason(self, context: Context) -> str:

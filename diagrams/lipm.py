@@ -52,8 +52,10 @@ class LipmDiagram(ClosedLoop):
         self._check(scenario)
         period = scenario.lipm_period
         model = scenario.point_mass(self.robot)
-        grounds = (self._ground, model.ground)
-        if not all(ground is None or ground.is_level for ground in grounds):
+        if not all(
+            ground is None or ground.is_level
+            for ground in (self._ground, model.ground)
+        ):
             raise ValueError(
                 f"terrain.name = {scenario.terrain.name!r}: must be level, at "
                 "height 0, with an error of its place only, for a point mass"
@@ -143,11 +145,10 @@ class LipmDiagram(ClosedLoop):
         """
         com = read(self.plant.GetOutputPort("com_state"), context)
         feet = read(self.plant.GetOutputPort("foot_poses"), context)
-        distances = [
+        if self._fallen < min(
             math.dist(com[:2], foot.p_WF[:2])
             for foot in (feet.left, feet.right)
-        ]
-        if min(distances) > self._fallen:
+        ):
             return "CoM out of reach of both feet"
         return foot_beside(
             self._ground, read(self.signals["walking_state"], context).schedule

@@ -123,7 +123,6 @@ class LiveSession:
         Returns:
             The lines.
         """
-        story = self._story
         mode, moment = self._mode, self._moment
         during = f" ({moment})" if moment != mode else ""
         lines = [
@@ -131,10 +130,10 @@ class LiveSession:
             *velocity_lines(self._commanded, self._walked),
             f"ICP error {self._error:.3f} m",
         ]
-        if story.last_push:
-            lines.append(f"last {story.last_push}")
-        if story.result:
-            lines.append(story.result)
+        if self._story.last_push:
+            lines.append(f"last {self._story.last_push}")
+        if self._story.result:
+            lines.append(self._story.result)
         if self.paused:
             return [*lines, "PAUSED"]
         ticks, walls = max(len(self._walls) - 1, 0), self._walls
@@ -246,17 +245,17 @@ class LiveSession:
         com = ComState(read(diagram.signals["com_state"], context)).position
         delta_v, direction_deg, _ = self._controls.aimed_push()
         yaw = schedule.feet[schedule.support_side].yaw
-        yaw += math.radians(direction_deg)
-        self._aims.draw_push(com, yaw, delta_v)
+        self._aims.draw_push(com, yaw + math.radians(direction_deg), delta_v)
         self._aims.draw_command(self._controls.command(), com, schedule.feet)
 
     def _go_along(self, state: WalkingState) -> None:
         """Moves the floor along, and deletes old prints."""
         schedule = state.schedule
         move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
-        old = self._steps - PRINTS
         for side in Side:
-            self._meshcat.Delete(f"{FOOTPRINTS}/{side.value}_{old}")
+            self._meshcat.Delete(
+                f"{FOOTPRINTS}/{side.value}_{self._steps - PRINTS}"
+            )
 
     def _keep_pace(self) -> None:
         """Waits until the next tick is due; lost time is not made up for."""

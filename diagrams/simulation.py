@@ -92,8 +92,11 @@ def _walked_by(
             for push in scenario.pushes
         ],
     )
-    robot = load_robot(scenario.robot, scenario.fidelity)
-    return HumanoidDiagram(scenario, meshcat, PolicyController(robot, onnx))
+    return HumanoidDiagram(
+        scenario,
+        meshcat,
+        PolicyController(load_robot(scenario.robot, scenario.fidelity), onnx),
+    )
 
 
 def start(diagram: ClosedLoop) -> Simulator:

@@ -93,5 +93,7 @@ def _of_type(hint: Any, bounds: Bounds) -> dict[str, Any]:
         "maximum": bounds.most,
         "exclusiveMaximum": bounds.below,
     }
-    given = {name: limit for name, limit in limits.items() if limit is not None}
-    return {"type": _TYPES[hint], **given}
+    return {
+        "type": _TYPES[hint],
+        **{name: limit for name, limit in limits.items() if limit is not None},
+    }

@@ -50,8 +50,9 @@ def load_typed(
     try:
         if filename is not None:
             data = Path(filename).read_text(encoding="utf-8")
-        tree = load_tree(data or "", child_name)
-        return typed(schema, tree, child_name or "")
+        return typed(
+            schema, load_tree(data or "", child_name), child_name or ""
+        )
     except ValueError as error:
         raise ValueError(f"{source}: {one_line(error)}") from error
 

@@ -153,8 +153,12 @@ class FallWatch:
             causes = [self._landed[0]]  # what came after it was too late
         if self._fast:
             _, joint, ratio = max(self._fast, key=lambda seen: seen[2])
-            words = f"{joint} at {100.0 * ratio:.0f} % of its speed"
-            causes.append((self._fast[0][0], words))
+            causes.append(
+                (
+                    self._fast[0][0],
+                    f"{joint} at {100.0 * ratio:.0f} % of its speed",
+                )
+            )
         if not causes and self._errors:
             return f"ICP error {max(e for _, e in self._errors):.2f} m"
         return ", ".join(words for _, words in sorted(causes))

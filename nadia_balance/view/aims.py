@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RotationMatrix
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import FootPoses, Side
+from nadia_balance.view.scene import transform
 
 ROOT = "/aims"  # not part of the drawings of a run
 PUSH = f"{ROOT}/push"
@@ -49,10 +50,9 @@ class Aims:
             meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
             meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
         # A cone opens along z from its tip; the arrow's tip points along z.
-        p_tip: Any = [0.0, 0.0, -_GAP]
         meshcat.SetTransform(
             f"{PUSH}/tip",
-            RigidTransform(RotationMatrix.MakeXRotation(math.pi), p_tip),
+            transform([0.0, 0.0, -_GAP], RotationMatrix.MakeXRotation(math.pi)),
         )
         meshcat.SetProperty(PUSH, "visible", False)
 
@@ -74,10 +74,8 @@ class Aims:
             shaft[2, 3] = -_GAP - _TIP - 0.5 * length
             self._meshcat.SetTransform(f"{PUSH}/shaft", shaft)
         direction: Any = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        self._meshcat.SetTransform(
-            PUSH,
-            RigidTransform(RotationMatrix.MakeFromOneVector(direction, 2), com),
-        )
+        R_WP = RotationMatrix.MakeFromOneVector(direction, 2)
+        self._meshcat.SetTransform(PUSH, transform(com, R_WP))
 
     def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
         """Draws the commanded way on the ground; none if it is to stand.
@@ -94,11 +92,11 @@ class Aims:
                 self._add_band(commanded_way(command))
         if np.any(command):
             height = max(float(feet[side].p_WF[2]) for side in Side)
-            p_W: Any = np.array([com[0], com[1], height + _ABOVE])
             self._meshcat.SetTransform(
                 COMMAND,
-                RigidTransform(
-                    RotationMatrix.MakeZRotation(middle(feet).yaw), p_W
+                transform(
+                    [com[0], com[1], height + _ABOVE],
+                    RotationMatrix.MakeZRotation(middle(feet).yaw),
                 ),
             )
 

@@ -2,11 +2,10 @@
 
 import math
 from itertools import zip_longest
-from typing import Any
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RotationMatrix
 from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance import palette
@@ -33,6 +32,7 @@ from nadia_balance.view.scene import (
     at_height,
     hide_before,
     sole_transform,
+    transform,
 )
 
 ROOT = "/overlay"
@@ -214,9 +214,8 @@ class BalanceVisualizer(LeafSystem):
             "ecmp": None if command is None else command.ecmp,
         }.items():
             if point is not None:
-                p_W: Any = [*point, ground]
                 self._markers[name].place(
-                    RigidTransform(p_W), context.get_time()
+                    transform([*point, ground]), context.get_time()
                 )
 
     def _draw_feet(self, state: WalkingState, time: float) -> None:
@@ -263,10 +262,8 @@ class BalanceVisualizer(LeafSystem):
         time, com = context.get_time(), self._com(context)
         if com is None:
             return
-        x, y, _ = com.position
-        middle: Any = [x, y, 0.0]
-        self._markers["com"].place(RigidTransform(com.position), time)
-        self._middle.place(RigidTransform(middle), time)
+        self._markers["com"].place(transform(com.position), time)
+        self._middle.place(transform([*com.position[:2], 0.0]), time)
         force = self._push_force(context)
         if force is None:
             return
@@ -275,7 +272,7 @@ class BalanceVisualizer(LeafSystem):
             # is hidden later in the recording.
             R_WP = RotationMatrix.MakeFromOneVector(force, 2)
             self._arrow.show(False, time + LINGER)
-            self._arrow.place(RigidTransform(R_WP, com.position), time)
+            self._arrow.place(transform(com.position, R_WP), time)
         else:
             self._arrow.show(False, None)  # a recording shows it longer
 

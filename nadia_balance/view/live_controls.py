@@ -81,8 +81,9 @@ class LiveControls(LeafSystem):
             meshcat.SetSliderValue(name, value)
         self._add_commands()
         self._show_mechanisms(on.as_vector())
-        aimed: Any = [0.0, *self.aimed_push()]
-        self._push: Any = self.DeclareDiscreteState(aimed)
+        self._push: Any = self.DeclareDiscreteState(
+            cast(Any, [0.0, *self.aimed_push()])
+        )
         self._on: Any = self.DeclareDiscreteState(cast(Any, on.as_vector()))
         self._command: Any = self.DeclareDiscreteState(len(COMMANDS))
         # Clicks on PUSH before this run, and those on HALT that were heard.
@@ -127,15 +128,14 @@ class LiveControls(LeafSystem):
         return np.array([self._meshcat.GetSliderValue(c) for c in COMMANDS])
 
     def _add_commands(self) -> None:
-        meshcat = self._meshcat
-        meshcat.AddButton(HALT, HALT_KEY)
+        self._meshcat.AddButton(HALT, HALT_KEY)
         for (name, (lower, higher)), (low, high) in zip(
             COMMANDS.items(), self._limits.T, strict=True
         ):
             step = slider_step(min(-low, high))
             # Whole steps from 0, so that 0 is one of the slider's values.
-            meshcat.DeleteSlider(name, strict=False)
-            meshcat.AddSlider(
+            self._meshcat.DeleteSlider(name, strict=False)
+            self._meshcat.AddSlider(
                 name,
                 min=-step * max(int(-low / step + 1e-9), 1),
                 max=step * max(int(high / step + 1e-9), 1),
