@@ -97,13 +97,13 @@ class ClosedLoop(Diagram):
         self._ground = scenario.terrain.ground(
             self.robot.sole, self.robot.params.size
         )
-        self.signals: dict[str, OutputPort] = {}
 
     @property
     def velocity_limits(self) -> np.ndarray[Any, Any]:
         """Least and most of a velocity command, (2, 3): [m/s], [rad/s]."""
-        params = self.scenario.controller.footstep_planner
-        return velocity_limits(params, self.robot.point_mass)
+        return velocity_limits(
+            self.scenario.controller.footstep_planner, self.robot.point_mass
+        )
 
     def remarks(self) -> list[str]:
         """Returns what a user should know of the robot, and of its commands.
@@ -170,8 +170,9 @@ class ClosedLoop(Diagram):
         commands = self.scenario.commands
         if not commands and builder.HasSubsystemNamed(CONTROLS):
             return builder.GetSubsystemByName(CONTROLS)
-        rows = [(row.time, row.forward, row.left, row.turn) for row in commands]
-        return VelocityCommands(rows)
+        return VelocityCommands(
+            [(row.time, row.forward, row.left, row.turn) for row in commands]
+        )
 
     def _finish(
         self,
@@ -186,11 +187,12 @@ class ClosedLoop(Diagram):
         Where several have a signal, it is that of the first.  `ports` are
         logged, too, every `period` [s].
         """
-        for name in (*LOGGED, *DRAWN, *EXPORTED):
-            for system in systems:
-                if system.HasOutputPort(name):
-                    self.signals[name] = system.GetOutputPort(name)
-                    break
+        self.signals: dict[str, OutputPort] = {
+            name: system.GetOutputPort(name)
+            for system in reversed(systems)
+            for name in (*LOGGED, *DRAWN, *EXPORTED)
+            if system.HasOutputPort(name)
+        }
         if meshcat is not None and "walking_state" in self.signals:
             view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
             builder.AddNamedSystem("balance_visualizer", view)
@@ -198,27 +200,19 @@ class ClosedLoop(Diagram):
                 builder.Connect(self.signals[name], view.GetInputPort(name))
         logged = {
             name: self.signals[name] for name in LOGGED if name in self.signals
-        }
-        self._log_ports(builder, period, logged | ports)
-        for name in filter(self.signals.get, EXPORTED):
-            builder.ExportOutput(self.signals[name], name)
-        builder.BuildInto(self)
-
-    def _log_ports(
-        self,
-        builder: DiagramBuilder,
-        period: float,
-        ports: Mapping[str, OutputPort],
-    ) -> None:
-        self._sizes = {name: port.size() for name, port in ports.items()}
+        } | ports
+        self._sizes = {name: port.size() for name, port in logged.items()}
         multiplexer = Multiplexer(list(self._sizes.values()))
         builder.AddNamedSystem("log_multiplexer", multiplexer)
-        for i, port in enumerate(ports.values()):
+        for i, port in enumerate(logged.values()):
             builder.Connect(port, multiplexer.get_input_port(i))
         self._log = LogVectorOutput(
             multiplexer.get_output_port(), builder, publish_period=period
         )
         self._log.set_name("log")
+        for name in filter(self.signals.get, EXPORTED):
+            builder.ExportOutput(self.signals[name], name)
+        builder.BuildInto(self)
 
     def set_initial_state(self, context: Context) -> None:
         """Sets the robot's initial state.
@@ -299,13 +293,14 @@ class ClosedLoop(Diagram):
         if not np.all(last):
             t, data = t[last], data[last]
         ends = np.cumsum(list(self._sizes.values()))[:-1]
-        columns = np.split(data, ends, axis=1)
-        logs: Logs = {"t": t, **dict(zip(self._sizes, columns, strict=True))}
         # Regions of all footholds: legs may be let cross during a run.
-        reach = self.robot.point_mass.reach
-        for name, region in step_regions(reach, cross_over=True).items():
-            logs[f"region_{name}"] = region
-        logs["sole"] = self.robot.sole
+        regions = step_regions(self.robot.point_mass.reach, cross_over=True)
+        logs: Logs = {
+            "t": t,
+            **dict(zip(self._sizes, np.split(data, ends, axis=1), strict=True)),
+            **{f"region_{name}": region for name, region in regions.items()},
+            "sole": self.robot.sole,
+        }
         if self._ground is not None:
             logs["ground"] = np.concatenate(
                 [

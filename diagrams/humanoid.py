@@ -18,7 +18,6 @@ from pydrake.systems.framework import (
 from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.diagrams.closed_loop import ClosedLoop, Logs, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -90,7 +89,13 @@ class HumanoidDiagram(ClosedLoop):
         period = scenario.controller.control_period
         model = scenario.point_mass(self.robot)
         start = scenario.start(model)
-        self._check_ground(start)
+        # The controller's friction coefficient: a margin below the ground's.
+        check_start(
+            self._ground,
+            start.schedule.feet,
+            min(scenario.imperfections.friction_ratio, 1.0)
+            * scenario.controller.whole_body.friction,
+        )
         self._poses = MeasuredPoses(self.robot)
         self._standing = self.robot.standing_positions(
             scenario.gait.step_width, scenario.place.pose
@@ -146,13 +151,6 @@ class HumanoidDiagram(ClosedLoop):
             **self._measured,
         )
 
-    def _check_ground(self, start: WalkingState) -> None:
-        """Raises ValueError: the robot cannot stand on it."""
-        # The controller's friction coefficient: a margin below the ground's.
-        slip = min(self.scenario.imperfections.friction_ratio, 1.0)
-        friction = slip * self.scenario.controller.whole_body.friction
-        check_start(self._ground, start.schedule.feet, friction)
-
     def _draw(self, builder: DiagramBuilder, meshcat: Meshcat) -> None:
         add_robot_view(builder, self.scene_graph, meshcat)
         move_floor(meshcat, self.scenario.place.pose.p_WF)
@@ -171,20 +169,19 @@ class HumanoidDiagram(ClosedLoop):
             )
         states = self.plant.num_multibody_states()
         actuators = self.plant.num_actuated_dofs()
-        state, torques = "estimated_state", "actuation"
         if (
-            not controller.HasInputPort(state)
-            or controller.GetInputPort(state).size() != states
+            not controller.HasInputPort("estimated_state")
+            or controller.GetInputPort("estimated_state").size() != states
         ):
             raise ValueError(
-                f"{named}: must have a port {state!r} of size {states}"
+                f"{named}: must have a port 'estimated_state' of size {states}"
             )
         if (
-            not controller.HasOutputPort(torques)
-            or controller.GetOutputPort(torques).size() != actuators
+            not controller.HasOutputPort("actuation")
+            or controller.GetOutputPort("actuation").size() != actuators
         ):
             raise ValueError(
-                f"{named}: must have a port {torques!r} of size {actuators}"
+                f"{named}: must have a port 'actuation' of size {actuators}"
             )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
@@ -215,8 +212,7 @@ class HumanoidDiagram(ClosedLoop):
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
-            weight = self.robot.mass * GRAVITY
-            clock = ContactClock(weight, self.push.period)
+            clock = ContactClock(self.robot.mass * GRAVITY, self.push.period)
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
@@ -224,8 +220,9 @@ class HumanoidDiagram(ClosedLoop):
         mouse = None
         if meshcat is not None and engine is self.plant:
             mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
-        pushes = self.push.GetOutputPort("spatial_forces")
-        connect_forces(builder, engine, pushes, mouse)
+        connect_forces(
+            builder, engine, self.push.GetOutputPort("spatial_forces"), mouse
+        )
         self._mechanisms = add_mechanisms(
             builder,
             NAMED[self.scenario.mechanisms],
@@ -234,8 +231,9 @@ class HumanoidDiagram(ClosedLoop):
             self.velocity_limits,
         )
         if controller.HasInputPort("mechanisms"):
-            port = controller.GetInputPort("mechanisms")
-            builder.Connect(self._mechanisms, port)
+            builder.Connect(
+                self._mechanisms, controller.GetInputPort("mechanisms")
+            )
         self._command = self._connect_sources(builder, controller, sources)
 
     def _drive(self, builder: DiagramBuilder) -> None:
@@ -260,9 +258,11 @@ class HumanoidDiagram(ClosedLoop):
             self._estimate(builder)
             state = self._measured["estimated_state"]
         if scenario.imperfections.has_noise or scenario.delay:
-            errors = replace(scenario.imperfections, delay=scenario.delay)
             sensor = StateSensor(
-                self.plant, errors, self.push.period, scenario.seed
+                self.plant,
+                replace(scenario.imperfections, delay=scenario.delay),
+                self.push.period,
+                scenario.seed,
             )
             builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
@@ -287,12 +287,11 @@ class HumanoidDiagram(ClosedLoop):
             self.scenario.estimator,
         )
         builder.AddNamedSystem("state_estimator", estimator)
-        imu = Imu(self.robot, self._sensors, period, seed)
-        encoders = JointEncoders(self.robot, self._sensors, period, seed)
-        for name, sensor, signal in (
-            ("imu", imu, "imu"),
-            ("joint_encoders", encoders, "joints"),
+        for name, kind, signal in (
+            ("imu", Imu, "imu"),
+            ("joint_encoders", JointEncoders, "joints"),
         ):
+            sensor = kind(self.robot, self._sensors, period, seed)
             builder.AddNamedSystem(name, sensor)
             self._measured[signal] = sensor.GetOutputPort(signal)
             connect(builder, self.engine, sensor, "state")
@@ -317,16 +316,19 @@ class HumanoidDiagram(ClosedLoop):
         if ratio != 1.0:  # scales its inertia, too
             torso = self.plant.GetRigidBodyByName(self.robot.torso_body)
             inertia = torso.CalcSpatialInertiaInBodyFrame(engine_context)
-            heavier = SpatialInertia(
-                ratio * inertia.get_mass(),
-                inertia.get_com(),
-                inertia.get_unit_inertia(),
+            torso.SetSpatialInertiaInBodyFrame(
+                engine_context,
+                SpatialInertia(
+                    ratio * inertia.get_mass(),
+                    inertia.get_com(),
+                    inertia.get_unit_inertia(),
+                ),
             )
-            torso.SetSpatialInertiaInBodyFrame(engine_context, heavier)
         if self._drives is not None:  # initial torques are the commanded ones
             drives_context = self._drives.GetMyMutableContextFromRoot(context)
-            port = self._drives.GetInputPort("actuation")
-            torques: Any = port.Eval(drives_context)
+            torques: Any = self._drives.GetInputPort("actuation").Eval(
+                drives_context
+            )
             drives_context.SetDiscreteState(torques)
 
     def fall_reason(self, context: Context) -> str:
@@ -344,8 +346,7 @@ class HumanoidDiagram(ClosedLoop):
         # The pelvis is the floating base: quaternion and position come first.
         height, schedule = state[6], None
         if self.HasOutputPort("walking_state"):
-            walking: Any = self.GetOutputPort("walking_state").Eval(context)
-            schedule = walking.schedule
+            schedule = read(self.signals["walking_state"], context).schedule
             if is_uneven:
                 height -= schedule.feet[schedule.support_side].p_WF[2]
         if height < FALLEN_HEIGHT * self._standing[6]:
@@ -383,8 +384,10 @@ class HumanoidDiagram(ClosedLoop):
         Returns:
             The names of what touches.
         """
-        results = read(self.engine.GetOutputPort("contact_results"), context)
-        return self.robot.improper_contacts(self.plant, results)
+        return self.robot.improper_contacts(
+            self.plant,
+            read(self.engine.GetOutputPort("contact_results"), context),
+        )
 
     def passed_limit(self, context: Context) -> bool:
         """Returns whether a joint's speed or the torso's tilt is too large.
@@ -401,8 +404,10 @@ class HumanoidDiagram(ClosedLoop):
         torso, _ = self._poses.trunk_tilt(state)
         speeds = np.abs(state[self.plant.num_positions() + 6 :])
         limits = (1.0 + SPEED_MARGIN) * self.robot.max_joint_speeds
-        tilts = torso > math.radians(self.scenario.max_torso_tilt_deg)
-        return bool(tilts or (speeds > limits).any())
+        return bool(
+            torso > math.radians(self.scenario.max_torso_tilt_deg)
+            or (speeds > limits).any()
+        )
 
     def fastest_joint(self, context: Context) -> tuple[str, float]:
         """Returns the joint closest to its speed limit.
@@ -415,12 +420,11 @@ class HumanoidDiagram(ClosedLoop):
         """
         if self.scenario.fidelity == "ideal":
             return "", 0.0
+        first = self.plant.num_positions() + 6  # of the joints, in [q, v]
         state = read(self.engine.GetOutputPort("state"), context)
-        speeds = np.abs(state[self.plant.num_positions() + 6 :])
-        ratios = speeds / self.robot.max_joint_speeds
+        ratios = np.abs(state[first:]) / self.robot.max_joint_speeds
         i = int(np.argmax(ratios))
-        velocity = self.plant.num_positions() + 6 + i
-        name = self.plant.GetStateNames(False)[velocity]
+        name = self.plant.GetStateNames(False)[first + i]
         return name.removesuffix("_w").removesuffix("_v"), float(ratios[i])
 
     def read_logs(self, context: Context) -> Logs:

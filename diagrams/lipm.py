@@ -53,8 +53,10 @@ class LipmDiagram(ClosedLoop):
         self._check(scenario)
         period = scenario.lipm_period
         model = scenario.point_mass(self.robot)
-        grounds = (self._ground, model.ground)
-        if not all(ground is None or ground.is_level for ground in grounds):
+        if not all(
+            ground is None or ground.is_level
+            for ground in (self._ground, model.ground)
+        ):
             raise ValueError(
                 f"terrain.name = {scenario.terrain.name!r}: must be level, at "
                 "height 0, with an error of its place only, for a point mass"
@@ -87,14 +89,13 @@ class LipmDiagram(ClosedLoop):
         builder.Connect(
             self._mechanisms, self.controller.GetInputPort("mechanisms")
         )
-        command = self._connect_sources(builder, self.controller, sources or {})
         self._finish(
             builder,
             meshcat,
             period,
             [self.plant, self.controller, self.swing, self.push],
             mechanisms=self._mechanisms,
-            **command,
+            **self._connect_sources(builder, self.controller, sources or {}),
         )
 
     def _check(self, scenario: Scenario) -> None:
@@ -112,8 +113,6 @@ class LipmDiagram(ClosedLoop):
 
     def _connect(self, builder: DiagramBuilder) -> None:
         plant, controller, swing = self.plant, self.controller, self.swing
-        self._com = plant.GetOutputPort("com_state")
-        self._feet = plant.GetOutputPort("foot_poses")
         connect(builder, controller, swing, "walking_state")
         connect(builder, controller, self.push, "walking_state")
         connect(builder, controller, plant, "walking_state", "ecmp_command")
@@ -145,13 +144,13 @@ class LipmDiagram(ClosedLoop):
         Returns:
             A few words; empty if it has not fallen.
         """
-        com = read(self._com, context)
-        feet = read(self._feet, context)
-        distances = [
+        com = read(self.plant.GetOutputPort("com_state"), context)
+        feet = read(self.plant.GetOutputPort("foot_poses"), context)
+        if self._fallen < min(
             math.dist(com[:2], foot.p_WF[:2])
             for foot in (feet.left, feet.right)
-        ]
-        if min(distances) > self._fallen:
+        ):
             return "CoM out of reach of both feet"
-        state: Any = self.GetOutputPort("walking_state").Eval(context)
-        return foot_beside(self._ground, state.schedule)
+        return foot_beside(
+            self._ground, read(self.signals["walking_state"], context).schedule
+        )

@@ -5,18 +5,20 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import start, until_ctrl_c
 from nadia_balance.diagrams.verdict import gait_and_error, push_signal
+from nadia_balance.parameters.yaml_reader import one_line
 from nadia_balance.results.live_watches import (
     FallWatch,
     VelocityWatch,
@@ -24,7 +26,7 @@ from nadia_balance.results.live_watches import (
 )
 from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.signals import ComState, WalkingSignal, read
-from nadia_balance.view.aims import Aims, heading
+from nadia_balance.view.aims import Aims
 from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.live_controls import LiveControls
 from nadia_balance.view.scene import CONTROLS, move_floor
@@ -48,8 +50,12 @@ def endless(scenario: Scenario) -> Scenario:
     Returns:
         Another scenario.
     """
-    gait = replace(scenario.gait, num_steps=0, steps=[], footholds=[])
-    return replace(scenario, pushes=[], commands=[], gait=gait)
+    return replace(
+        scenario,
+        pushes=[],
+        commands=[],
+        gait=replace(scenario.gait, num_steps=0, steps=[], footholds=[]),
+    )
 
 
 class LiveSession:
@@ -76,8 +82,9 @@ class LiveSession:
             speed: the largest one over real time [-].
         """
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
-        controls = diagram.GetSubsystemByName(CONTROLS)
-        self._controls = cast(LiveControls, controls)
+        self._controls = cast(
+            LiveControls, diagram.GetSubsystemByName(CONTROLS)
+        )
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
@@ -116,7 +123,6 @@ class LiveSession:
         Returns:
             The lines.
         """
-        story = self._story
         mode, moment = self._mode, self._moment
         during = f" ({moment})" if moment != mode else ""
         lines = [
@@ -124,10 +130,10 @@ class LiveSession:
             *velocity_lines(self._commanded, self._walked),
             f"ICP error {self._error:.3f} m",
         ]
-        if story.last_push:
-            lines.append(f"last {story.last_push}")
-        if story.result:
-            lines.append(story.result)
+        if self._story.last_push:
+            lines.append(f"last {self._story.last_push}")
+        if self._story.result:
+            lines.append(self._story.result)
         if self.paused:
             return [*lines, "PAUSED"]
         ticks, walls = max(len(self._walls) - 1, 0), self._walls
@@ -158,14 +164,16 @@ class LiveSession:
         """Starts the simulation; keeps the mechanisms of Context `old`."""
         self._simulator = Simulator(self._diagram, self._start.Clone())
         if old is not None:
-            new = self._simulator.get_mutable_context()
-            self._controls.keep_mechanisms(old, new)
+            self._controls.keep_mechanisms(
+                old, self._simulator.get_mutable_context()
+            )
         self._simulator.Initialize()
         scenario = self._diagram.scenario
         self._story = LiveStory(scenario.calm_steps or CALM_STEPS)
         params = scenario.controller.footstep_planner
-        step = params.swing_duration + params.transfer_duration
-        self._velocity = VelocityWatch(window=2.0 * step)
+        self._velocity = VelocityWatch(
+            window=2.0 * (params.swing_duration + params.transfer_duration)
+        )
         self._fall = FallWatch()
         self._looks, self._steps = 0, 0
         self._fell: float | None = None
@@ -178,7 +186,7 @@ class LiveSession:
             self._simulator.AdvanceTo(self._looks * LOOK)
             reason = self._diagram.fall_reason(self.context)
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
-            reason = " ".join(str(error).split())
+            reason = one_line(error)
         else:
             self._look()
             if reason and (cause := self._fall.reason()):
@@ -190,16 +198,19 @@ class LiveSession:
 
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
-        now = context.get_time()
-        state: Any = diagram.GetOutputPort("walking_state").Eval(context)
+        state = read(diagram.signals["walking_state"], context)
         _, self._error = gait_and_error(diagram, context)
         walking = WalkingSignal(
             read(diagram.signals["walking_signal"], context)
         )
         self._mode, self._moment = state.mode.value, moment_words(walking)
         self._measure(state)
-        push = push_signal(diagram, context)
-        for line in self._story.look(now, walking, push, self._error):
+        for line in self._story.look(
+            context.get_time(),
+            walking,
+            push_signal(diagram, context),
+            self._error,
+        ):
             self._tell_now(line)
         self._draw_aims()
         if state.steps_taken > self._steps:
@@ -211,10 +222,12 @@ class LiveSession:
         context, diagram = self.context, self._diagram
         now = context.get_time()
         com = ComState(read(diagram.signals["com_state"], context)).position
-        command = self._controls.GetOutputPort("velocity_command")
-        self._commanded = np.array(read(command, context))
-        feet = state.schedule.feet
-        self._walked = self._velocity.look(now, com[:2], heading(feet))
+        self._commanded = np.array(
+            read(self._controls.GetOutputPort("velocity_command"), context)
+        )
+        self._walked = self._velocity.look(
+            now, com[:2], middle(state.schedule.feet).yaw
+        )
         regions = None
         port = diagram.signals.get("capture_regions")
         if port is not None and state.schedule.phase is Phase.SWING:
@@ -228,23 +241,21 @@ class LiveSession:
             return
         self._drawn = time.monotonic()
         context, diagram = self.context, self._diagram
-        state: Any = diagram.GetOutputPort("walking_state").Eval(context)
-        schedule = state.schedule
+        schedule = read(diagram.signals["walking_state"], context).schedule
         com = ComState(read(diagram.signals["com_state"], context)).position
         delta_v, direction_deg, _ = self._controls.aimed_push()
         yaw = schedule.feet[schedule.support_side].yaw
-        yaw += math.radians(direction_deg)
-        self._aims.draw_push(com, yaw, delta_v)
-        command = self._controls.command()
-        self._aims.draw_command(command, com, schedule.feet)
+        self._aims.draw_push(com, yaw + math.radians(direction_deg), delta_v)
+        self._aims.draw_command(self._controls.command(), com, schedule.feet)
 
     def _go_along(self, state: WalkingState) -> None:
         """Moves the floor along, and deletes old prints."""
         schedule = state.schedule
         move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
-        old = self._steps - PRINTS
         for side in Side:
-            self._meshcat.Delete(f"{FOOTPRINTS}/{side.value}_{old}")
+            self._meshcat.Delete(
+                f"{FOOTPRINTS}/{side.value}_{self._steps - PRINTS}"
+            )
 
     def _keep_pace(self) -> None:
         """Waits until the next tick is due; lost time is not made up for."""

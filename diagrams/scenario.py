@@ -25,7 +25,7 @@ from nadia_balance.core.walking.state import (
 )
 from nadia_balance.diagrams.terrain import FLAT, Terrain
 from nadia_balance.parameters.bounds import bounded, check, parameters
-from nadia_balance.parameters.layers import Layer, merged, overlaid
+from nadia_balance.parameters.layers import Layer, merged
 from nadia_balance.parameters.yaml_reader import (
     check_types,
     field_types,
@@ -46,13 +46,11 @@ from nadia_balance.systems.estimation import FILTERS
 from nadia_balance.systems.hardware import Imperfections
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
-UNITS = ("si", "froude")
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 STANDING = "standing"  # of set_push: with no steps at all, at STANDING_AT
 STANDING_AT = "1 s"
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
-ENGINES = ("drake", "mujoco")
 SENSORS = ("perfect", "industrial", "consumer")
 
 
@@ -73,8 +71,9 @@ class Place:
     @property
     def pose(self) -> FootPose:
         """The level frame between the feet."""
-        p_WF = np.array([self.x, self.y, 0.0])
-        return FootPose(p_WF, math.radians(self.yaw_deg))
+        return FootPose(
+            np.array([self.x, self.y, 0.0]), math.radians(self.yaw_deg)
+        )
 
 
 @parameters
@@ -106,7 +105,7 @@ class Scenario:
     robot: str = bounded("nadia", doc="a folder of models, or a robot.yaml")
     units: str = bounded(
         "si",
-        one_of=UNITS,
+        one_of=("si", "froude"),
         doc='of the values in its file: SI, or "froude" for a robot of '
         "Nadia's size, as the defaults are",
     )
@@ -115,7 +114,9 @@ class Scenario:
         one_of=FIDELITIES,
         doc="limits of a real robot, or ideal drives and feet",
     )
-    engine: str = bounded("drake", one_of=ENGINES, doc="of the physics")
+    engine: str = bounded(
+        "drake", one_of=("drake", "mujoco"), doc="of the physics"
+    )
     sensors: str = bounded(
         "perfect",
         one_of=SENSORS,
@@ -224,9 +225,10 @@ class Scenario:
         Returns:
             The model of capture-point control.
         """
-        size = robot.params.size
-        ground = self.terrain.ground(robot.sole, size)
-        ground = self.terrain.known(ground, self.place.pose.p_WF[:2])
+        ground = self.terrain.known(
+            self.terrain.ground(robot.sole, robot.params.size),
+            start=self.place.pose.p_WF[:2],
+        )
         return replace(robot.point_mass, ground=ground)
 
     @property
@@ -279,8 +281,9 @@ class Scenario:
         if at == STANDING:
             return self.standing().with_push(direction, delta_v, None, shape)
         walks = self.gait.has_steps or self.commands
-        first = Push(at=AT if walks else STANDING_AT)
-        first, *others = copy.deepcopy(self.pushes) or [first]
+        first, *others = copy.deepcopy(self.pushes) or [
+            Push(at=AT if walks else STANDING_AT)
+        ]
         if shape is not None:
             first.shape = shape
         if delta_v is not None:
@@ -302,8 +305,11 @@ class Scenario:
         pushes = copy.deepcopy(self.pushes)
         for push in pushes[:1]:
             push.at = STANDING_AT
-        gait = Gait(step_width=self.gait.step_width)
-        return self.changed(gait=gait, commands=[], pushes=pushes)
+        return self.changed(
+            gait=Gait(step_width=self.gait.step_width),
+            commands=[],
+            pushes=pushes,
+        )
 
     def walking_by(self, command: Command) -> Self:
         """Returns this scenario with one command in the place of all steps.
@@ -314,8 +320,10 @@ class Scenario:
         Returns:
             Another scenario, checked.
         """
-        gait = replace(self.gait, num_steps=0, steps=[], footholds=[])
-        return self.changed(gait=gait, commands=[command])
+        return self.changed(
+            gait=replace(self.gait, num_steps=0, steps=[], footholds=[]),
+            commands=[command],
+        )
 
     def changed(self, **fields: Any) -> Self:
         """Returns this scenario with other values, checked.
@@ -330,13 +338,12 @@ class Scenario:
             ValueError: names a field that there is not, or its bad value.
         """
         check_types(type(self), fields)
-        flags = {name: "flag" for name in fields}
-        kept = {
+        sources = {
             path: source
             for path, source in self.sources.items()
             if path.partition(".")[0] not in fields
-        }
-        changed = replace(self, **fields, sources=kept | flags)
+        } | dict.fromkeys(fields, "flag")
+        changed = replace(self, **fields, sources=sources)
         check(changed)
         return changed
 
@@ -360,12 +367,14 @@ class Scenario:
             ValueError: fields contradict each other.
         """
         for name, rule in self._contradictions():
-            value = attrgetter(name)(self)
-            raise ValueError(f"{name} = {value!r}: must {rule}")
+            raise ValueError(
+                f"{name} = {attrgetter(name)(self)!r}: must {rule}"
+            )
         period = self.controller.control_period
         whole_ticks("imperfections.delay", self.imperfections.delay, period)
-        sensors = f"sensors = {self.sensors!r}: its delay"
-        whole_ticks(sensors, self.delay, period)
+        whole_ticks(
+            f"sensors = {self.sensors!r}: its delay", self.delay, period
+        )
         for push in self.pushes:
             moment = push.moment
             if moment.phase is None and not moment.time < self.duration:
@@ -446,15 +455,13 @@ def load_scenario(
         FileNotFoundError: the file does not exist.
     """
     layers = list(_layers_of_user(name, filename, text, changes))
-    merged_tree: dict[str, Any] = {}
-    for layer in layers:
-        merged_tree = overlaid(merged_tree, layer.tree)
     chosen = typed(
         Scenario,
         {
-            key: merged_tree[key]
+            key: layer.tree[key]
+            for layer in layers
             for key in ("robot", "fidelity")
-            if key in merged_tree
+            if key in layer.tree
         },
     )
     check(chosen)
@@ -463,8 +470,11 @@ def load_scenario(
     ]
     if chosen.fidelity == "ideal":
         robot_layers.append(Layer("fidelity", _of_whole_body(IDEAL_WHOLE_BODY)))
-    size = load_robot_params(chosen.robot)[0].size
-    scenario, sources = merged(Scenario, size, [*robot_layers, *layers])
+    scenario, sources = merged(
+        Scenario,
+        load_robot_params(chosen.robot)[0].size,
+        [*robot_layers, *layers],
+    )
     return _with_random(replace(scenario, units="si", sources=sources))
 
 
@@ -515,20 +525,23 @@ def _with_random(scenario: Scenario) -> Scenario:
     duration, seed = scenario.duration, scenario.seed
     if largest := scenario.random_delta_v:
         pause = scenario.random_pause
-        count = int(duration / pause)
-        pushes = random_pushes(count, seed, largest, (pause, pause))
-        in_time = [push for push in pushes if push.moment.time < duration]
+        drawn = random_pushes(
+            int(duration / pause), seed, largest, (pause, pause)
+        )
+        in_time = [push for push in drawn if push.moment.time < duration]
         scenario = replace(
             scenario, pushes=[*scenario.pushes, *in_time], random_delta_v=0.0
         )
     if share := scenario.random_commands:
-        model = load_robot(scenario.robot, scenario.fidelity).point_mass
-        limits = velocity_limits(scenario.controller.footstep_planner, model)
+        limits = velocity_limits(
+            scenario.controller.footstep_planner,
+            load_robot(scenario.robot, scenario.fidelity).point_mass,
+        )
         rng = np.random.default_rng([seed, 1])  # not that of the pushes
         commands = list(scenario.commands)
         for second in range(1, math.ceil(duration)):
-            drawn = share * rng.uniform(limits[0], limits[1])
-            forward, left, turn = drawn.tolist()
+            command = share * rng.uniform(limits[0], limits[1])
+            forward, left, turn = command.tolist()
             commands.append(
                 Command(time=second, forward=forward, left=left, turn=turn)
             )
@@ -539,8 +552,9 @@ def _with_random(scenario: Scenario) -> Scenario:
 def _degrees(direction: str | float, moment: Moment) -> float:
     """A direction [deg] of a push at this moment, by number or by name."""
     if direction in DIRECTIONS:
-        mirrored = moment.swing is Side.LEFT
-        return DIRECTIONS[direction] * (-1.0 if mirrored else 1.0)
+        return DIRECTIONS[direction] * (
+            -1.0 if moment.swing is Side.LEFT else 1.0
+        )
     try:
         return float(direction)
     except ValueError:

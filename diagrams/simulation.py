@@ -25,6 +25,7 @@ from nadia_balance.diagrams.verdict import (
     push_signal,
     run_info,
 )
+from nadia_balance.parameters.yaml_reader import one_line
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot
@@ -91,8 +92,11 @@ def _walked_by(
             for push in scenario.pushes
         ],
     )
-    robot = load_robot(scenario.robot, scenario.fidelity)
-    return HumanoidDiagram(scenario, meshcat, PolicyController(robot, onnx))
+    return HumanoidDiagram(
+        scenario,
+        meshcat,
+        PolicyController(load_robot(scenario.robot, scenario.fidelity), onnx),
+    )
 
 
 def start(diagram: ClosedLoop) -> Simulator:
@@ -124,8 +128,11 @@ def pushed(
         A simulator at the time of the push.
     """
     context = walked.Clone()
-    push_context = diagram.push.GetMyMutableContextFromRoot(context)
-    diagram.push.set_push(push_context, delta_v, direction_deg)
+    diagram.push.set_push(
+        diagram.push.GetMyMutableContextFromRoot(context),
+        delta_v,
+        direction_deg,
+    )
     return Simulator(diagram, context)
 
 
@@ -165,8 +172,11 @@ def simulate(
     elif changes:
         raise ValueError(f"{next(iter(changes))}: must be in the scenario")
     if duration is None:
-        watch = RecoveryWatch(diagram)
-        run = advance(start(diagram), diagram.scenario.duration, until=watch)
+        run = advance(
+            start(diagram),
+            diagram.scenario.duration,
+            until=RecoveryWatch(diagram),
+        )
     else:
         run = advance(start(diagram), duration)
     return replace(run, info=replace(run.info, scenario=name))
@@ -235,8 +245,7 @@ def advance(
         except KeyboardInterrupt:
             monitor.outcome["interrupted"] = True
         except (RuntimeError, ValueError) as error:  # such as NaN at an input
-            message = " ".join(str(error).split())
-            monitor.outcome["error"] = message or type(error).__name__
+            monitor.outcome["error"] = one_line(error) or type(error).__name__
         cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),

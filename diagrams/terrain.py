@@ -103,16 +103,18 @@ class Terrain:
             return None
         if self.error == GroundError():
             return truth
-        regions = believed(truth.regions, self.error, self.seed, start)
-        return Ground(regions, truth.sole, truth.margin)
+        return Ground(
+            believed(truth.regions, self.error, self.seed, start),
+            truth.sole,
+            truth.margin,
+        )
 
     def _regions(self, size: Size) -> tuple[Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
         if not path.is_file():
-            courses = ", ".join((FLAT, *COURSES))
             raise ValueError(
                 f"terrain.name = {self.name!r}: must be a YAML file, or one of "
-                f"{courses}"
+                f"{', '.join((FLAT, *COURSES))}"
             )
         file = load_typed(RegionFile, f"terrain {self.name}", filename=path)
         check(file)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from pydrake.systems.framework import Context, EventStatus
@@ -46,10 +45,10 @@ def gait_and_error(diagram: ClosedLoop, context: Context) -> tuple[int, float]:
     Returns:
         The steps, and the distance of the ICP from its reference [m].
     """
-    state: Any = diagram.GetOutputPort("walking_state").Eval(context)
-    icp: Any = diagram.GetOutputPort("icp").Eval(context)
-    reference = diagram.GetOutputPort("icp_reference").Eval(context)
-    return state.steps_taken, math.dist(icp, IcpReference(reference).icp)
+    icp = read(diagram.signals["icp"], context)
+    reference = IcpReference(read(diagram.signals["icp_reference"], context))
+    state = read(diagram.signals["walking_state"], context)
+    return state.steps_taken, math.dist(icp, reference.icp)
 
 
 class RecoveryWatch:
@@ -74,8 +73,9 @@ class RecoveryWatch:
         calm_steps = scenario.calm_steps
         self._required = calm_steps + more_steps if calm_steps else math.inf
         self._standing = SETTLED + SHOWN * more_steps
-        times = [command.time for command in scenario.commands]
-        self._not_before = max(times, default=0.0)
+        self._not_before = max(
+            (command.time for command in scenario.commands), default=0.0
+        )
         if not scenario.pushes or not diagram.HasOutputPort("icp"):
             self._not_before = math.inf
 
@@ -87,8 +87,9 @@ class RecoveryWatch:
         steps_taken, error = gait_and_error(self._diagram, context)
         waiting = bool(push_signal(self._diagram, context).waiting)
         calm = self._calm.look(steps_taken, error, waiting)
-        port = self._diagram.controller.GetOutputPort("walking_signal")
-        walking = WalkingSignal(read(port, context))
+        walking = WalkingSignal(
+            read(self._diagram.signals["walking_signal"], context)
+        )
         stood = self._stands.look(now, walking, error, waiting)
         return calm >= self._required or stood >= self._standing
 
@@ -141,8 +142,7 @@ class Monitor:
         elif now >= self._next_look:
             self._next_look = now + WATCH_PERIOD
             failed = self._fails(context)
-        ends = bool(self.outcome) or failed
-        if not ends and self._until(context):
+        if not self.outcome and not failed and self._until(context):
             self.outcome["until"] = True
         lost = self._estimate.look(now, self._diagram.nees(context))
         if lost or self.outcome or failed:
@@ -154,11 +154,12 @@ class Monitor:
         self.contacts |= self._diagram.improper_contacts(context)
         reason = self._diagram.fall_reason(context)
         if reason:
-            fall = {"fell_at": context.get_time(), "fall_reason": reason}
-            self.outcome.update(fall)
+            self.outcome["fell_at"] = context.get_time()
+            self.outcome["fall_reason"] = reason
             return False
-        limited = self._stops and self._diagram.passed_limit(context)
-        return limited or (self._stops and bool(self.contacts))
+        return self._stops and (
+            self._diagram.passed_limit(context) or bool(self.contacts)
+        )
 
 
 def run_info(diagram: ClosedLoop) -> RunInfo:
@@ -172,18 +173,19 @@ def run_info(diagram: ClosedLoop) -> RunInfo:
     """
     scenario = diagram.scenario
     push = scenario.pushes[0] if scenario.pushes else None
-    policy: str = getattr(diagram.controller, "file", "")
-    info = RunInfo(
+    return RunInfo(
         robot=scenario.robot,
         fidelity=scenario.fidelity,
         engine=scenario.engine,
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
-        mechanisms=policy or scenario.mechanisms,
+        mechanisms=getattr(diagram.controller, "file", scenario.mechanisms),
         plant=diagram.PLANT,
         calm_steps=scenario.calm_steps,
+        max_torso_tilt_deg=(
+            180.0
+            if scenario.fidelity == "ideal"
+            else scenario.max_torso_tilt_deg
+        ),
     )
-    if scenario.fidelity == "ideal":
-        return info
-    return replace(info, max_torso_tilt_deg=scenario.max_torso_tilt_deg)

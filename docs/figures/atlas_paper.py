@@ -138,8 +138,7 @@ def draw_projection() -> Figure:
     )
     ahead = _draw_speed_up(ax, plan, time, icp=icp)
     end = plan.at(plan.duration).icp
-    start = plan.at(time).icp
-    ax.plot(*np.array([start, end]).T, color=FAINT, lw=1.0, ls="--")
+    ax.plot(*np.array([plan.at(time).icp, end]).T, color=FAINT, lw=1.0, ls="--")
     ax.plot(*np.array([icp, projected(plan, time, icp)]).T, color=FAINT, lw=1.0)
     ax.plot(*end, "D", color=palette.ICP_REFERENCE, label="its end, $ξ_t$")
     ax.plot(*plan.at(time).ecmp, "s", color=palette.ECMP, label="$r_{cmp,r}$")
@@ -184,14 +183,17 @@ def swing_plan(
     Returns:
         The plan, and the middle of the swing [s].
     """
-    schedule = right_swing(
-        FootPoses(_foothold(0), _foothold(-1)),
-        map(_foothold, range(1, _STEPS + 1)),
-        swing=swing,
-        transfer=transfer,
+    plan = plan_atlas_icp(
+        right_swing(
+            FootPoses(_foothold(0), _foothold(-1)),
+            map(_foothold, range(1, _STEPS + 1)),
+            swing=swing,
+            transfer=transfer,
+        ),
+        AtlasIcpPlanParams(smooth=smooth, num_previewed_steps=_STEPS),
+        MODEL,
     )
-    params = AtlasIcpPlanParams(smooth=smooth, num_previewed_steps=_STEPS)
-    return plan_atlas_icp(schedule, params, MODEL), 0.5 * swing
+    return plan, 0.5 * swing
 
 
 def fraction_done(icp: Array, icp_r: Array, icp_end: Array) -> float:
@@ -258,8 +260,11 @@ def _draw_speed_up(
 ) -> float:
     """Draws the plan, the ICP, and both references; returns Δt [s]."""
     start = plan.at(time).icp
-    done = fraction_done(icp, start, plan.at(plan.duration).icp)
-    ahead = time_ahead(done, plan.duration - time, MODEL.omega)
+    ahead = time_ahead(
+        fraction_done(icp, start, plan.at(plan.duration).icp),
+        remaining=plan.duration - time,
+        omega=MODEL.omega,
+    )
     sped_up = plan.at(time + ahead).icp
     _draw_soles(ax, 2)
     ax.plot(

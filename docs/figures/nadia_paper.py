@@ -204,11 +204,13 @@ def draw_growth() -> Figure:
 
 def _offsets(reach: Array, n: int) -> Array:
     """D_n (k, 2) [m] for a `reach` (n, 2) [m] in the stance foot's frame."""
-    reaches = [
-        in_world(reach, STANCE, SWING if k % 2 else SWING.other)
-        for k in range(2, n + 1)
-    ]
-    return later_steps(reaches, [CONTRACTION] * (n - 1))[-1]
+    return later_steps(
+        [
+            in_world(reach, STANCE, SWING if k % 2 else SWING.other)
+            for k in range(2, n + 1)
+        ],
+        [CONTRACTION] * (n - 1),
+    )[-1]
 
 
 def _around(polygon: Array, count: int) -> Array:
@@ -222,13 +224,15 @@ def _around(polygon: Array, count: int) -> Array:
 
 def _one_step() -> Array:
     """C_1 (k, 2) [m], clipped to the circle only."""
-    region = one_step_region(
-        icp=ICP,
-        foot=in_world(USABLE, STANCE, SWING),
-        omega=MODEL.omega,
-        touchdown=(REMAINING_TIME, LATEST),
+    return intersection(
+        one_step_region(
+            icp=ICP,
+            foot=in_world(USABLE, STANCE, SWING),
+            omega=MODEL.omega,
+            touchdown=(REMAINING_TIME, LATEST),
+        ),
+        CIRCLE,
     )
-    return intersection(region, CIRCLE)
 
 
 def _draw_feet(ax: Axes) -> None:
@@ -260,8 +264,9 @@ def draw_reach() -> Figure:
         y=(-0.9, 0.3),
         rows=2,
     )
-    shown = (list(REGIONS), [BASE], [FORWARD], [BACKWARD])
-    for ax, names in zip(axes, shown, strict=True):
+    for ax, names in zip(
+        axes, (list(REGIONS), [BASE], [FORWARD], [BACKWARD]), strict=True
+    ):
         for name in names:
             fill(
                 ax, REGIONS[name], palette.REACH, label="reachable", alpha=0.18

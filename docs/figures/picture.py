@@ -227,9 +227,12 @@ def launch_chromium(playwright: sync_api.Playwright) -> sync_api.Browser:
     Raises:
         ValueError: Chromium is missing or does not start.
     """
-    path = shutil.which("chromium") or shutil.which("google-chrome")
     try:
-        return playwright.chromium.launch(executable_path=path, args=_FLAGS)
+        return playwright.chromium.launch(
+            executable_path=shutil.which("chromium")
+            or shutil.which("google-chrome"),
+            args=_FLAGS,
+        )
     except sync_api.Error as error:
         raise ValueError(
             "Chromium is missing or does not start: apt-get install "
@@ -338,11 +341,6 @@ def _picture(
     azimuth = math.radians(view.azimuth)
     elevation = math.radians(view.elevation)
     horizontal = math.cos(elevation)
-    offset = (
-        horizontal * math.cos(azimuth),
-        horizontal * math.sin(azimuth),
-        math.sin(elevation),
-    )
     page.evaluate(
         _LOOK,
         {
@@ -352,7 +350,11 @@ def _picture(
             "caption": caption,
             "path": MIDDLE.strip("/").split("/"),
             "height": _TARGET,
-            "offset": [view.distance * part for part in offset],
+            "offset": [
+                view.distance * (horizontal * math.cos(azimuth)),
+                view.distance * (horizontal * math.sin(azimuth)),
+                view.distance * math.sin(elevation),
+            ],
         },
     )
     return _image(page.screenshot(style=style))

@@ -45,14 +45,16 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
         chains = [robot.chain(link) for link in pair]
         shared = sum(a is b for a, b in zip(*chains, strict=False))
         one, other = (chain[shared:] for chain in chains)
-        inner = [joint.child for joint in one[:-1] + other[:-1]]
         if (
             len(one) == len(other)
             and len(one) in (6, 7)
             and set(feet) <= set(pair)
             and len(set(feet)) == len(feet)
             and not (named.get("pelvis") and shared)
-            and all(len(robot.children(link)) == 1 for link in inner)
+            and all(
+                len(robot.children(joint.child)) == 1
+                for joint in one[:-1] + other[:-1]
+            )
         ):
             mass = sum(
                 robot.mass(robot.below(chain[0].child))
@@ -68,12 +70,11 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
             + ", ".join(f"{len(robot.chain(end))} to {end}" for end in leaves)
         )
     _, pair, one, other = max(pairs, key=lambda pair: pair[0])
-    legs = [
+    robot.reroot(one[0].parent)
+    return [
         Leg(foot, [joint.name for joint in chain])
         for foot, chain in zip(pair, (one, other), strict=True)
     ]
-    robot.reroot(one[0].parent)
-    return legs
 
 
 def _torso(robot: Description, legs: Sequence[Leg]) -> str:

@@ -184,15 +184,18 @@ def spatial_inertia(mass: float, com: Vector, central: Array) -> SpatialInertia:
     """
     if not mass:
         return SpatialInertia.Zero()
-    rotational = RotationalInertia(
-        Ixx=central[0, 0],
-        Iyy=central[1, 1],
-        Izz=central[2, 2],
-        Ixy=central[0, 1],
-        Ixz=central[0, 2],
-        Iyz=central[1, 2],
+    return SpatialInertia.MakeFromCentralInertia(
+        mass,
+        com,
+        RotationalInertia(
+            Ixx=central[0, 0],
+            Iyy=central[1, 1],
+            Izz=central[2, 2],
+            Ixy=central[0, 1],
+            Ixz=central[0, 2],
+            Iyz=central[1, 2],
+        ),
     )
-    return SpatialInertia.MakeFromCentralInertia(mass, com, rotational)
 
 
 @dataclass

@@ -349,15 +349,13 @@ def _origin(X: RigidTransform) -> Element:
 
 def _inertial(link: Link) -> Element:
     moments = [*link.central().get_moments(), *link.central().get_products()]
-    inertia = _tag("inertia")
-    for name, moment in zip(MOMENTS, moments, strict=True):
-        # All digits, which Drake needs to find it possible.
-        inertia.set(name, repr(float(moment)))
+    # All digits, which Drake needs to find it possible.
+    digits = [repr(float(moment)) for moment in moments]
     return _tag(
         "inertial",
         _tag("origin", xyz=link.M.get_com()),
         _tag("mass", value=link.M.get_mass()),
-        inertia,
+        _tag("inertia", **dict(zip(MOMENTS, digits, strict=True))),
     )
 
 

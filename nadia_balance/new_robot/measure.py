@@ -219,16 +219,12 @@ def _mean_of_alike(
 
 def _joint_limits(knees: Mapping[str, "_Knee"]) -> dict[str, dict[str, float]]:
     """Limits of joints [rad], with which no knee gets straight."""
-    straight = {
-        name: knee
-        for name, knee in knees.items()
-        if knee.min_bend < _NEVER_STRAIGHT
-    }
     return {
         f"joint_{end}_limits": {
             name: knee.angle(_NEVER_STRAIGHT)
-            for name, knee in straight.items()
-            if (knee.sense > 0.0) == (end == "lower")
+            for name, knee in knees.items()
+            if knee.min_bend < _NEVER_STRAIGHT
+            and (knee.sense > 0.0) == (end == "lower")
         }
         for end in ("lower", "upper")
     }
@@ -287,8 +283,9 @@ class _Knee:
     """A knee in the x-z plane; its bend [rad] is > 0 if the foot moves back."""
 
     def __init__(self, robot: Description, leg: Leg) -> None:
-        poses = robot.poses(dict.fromkeys(leg.joints, 0.0))
-        points, axes = robot.hinges(leg.pitches, poses)
+        points, axes = robot.hinges(
+            leg.pitches, robot.poses(dict.fromkeys(leg.joints, 0.0))
+        )
         a, b = np.diff(points[:, [0, 2]], axis=0)
         self.bones = [float(np.linalg.norm(bone)) for bone in (a, b)]
         # The bend at joint angle 0, and the sign of d bend / d angle.

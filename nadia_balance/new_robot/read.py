@@ -183,9 +183,11 @@ def _parts(top: Element, tag: str) -> dict[str, _Part]:
 
 def _joint(name: str, part: _Part) -> Joint:
     kind = part.element.get("type", "")
-    axis = np.eye(3)[0]
-    if kind != "fixed":  # whose axis may be 0 0 0
-        axis = part.numbers("axis", "xyz", "1 0 0")
+    axis = (
+        np.eye(3)[0]  # as that of the file may be 0 0 0
+        if kind == "fixed"
+        else part.numbers("axis", "xyz", "1 0 0")
+    )
     if not axis.any():
         raise ValueError(f"{part.name}: axis: must not be 0 0 0")
     lower = part.number("limit", "lower")

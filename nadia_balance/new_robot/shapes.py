@@ -133,8 +133,9 @@ def sole_plane(
 
 def _flattest_normal(shapes: Sequence[Shape], down: Array) -> Array | None:
     """The normal (3,) below about which the hull's area is largest."""
-    points = np.concatenate([shape.points() for shape in shapes])
-    hull = ConvexHull(_thickened(points))
+    hull = ConvexHull(
+        _thickened(np.concatenate([shape.points() for shape in shapes]))
+    )
     first, second, third = hull.points[hull.simplices].swapaxes(0, 1)
     sides = np.cross(second - first, third - first)
     normals = hull.equations[:, :3]
@@ -305,13 +306,15 @@ def _fitted(link: Link, smallest: float) -> list[Shape]:
     R_BG = np.eye(3)[:, order]
     R_BG[:, 0] *= np.linalg.det(R_BG)
     R_LB = T_BL[:3, :3].T
-    R_LG = RotationMatrix.ProjectToRotationMatrix(R_LB @ R_BG)
     small, middle, large = extents[order]
     radius = 0.25 * _THICKNESS * (small + middle)
     return [
         _solid(
             "capsule",
-            RigidTransform(R_LG, -R_LB @ T_BL[:3, 3]),
+            RigidTransform(
+                RotationMatrix.ProjectToRotationMatrix(R_LB @ R_BG),
+                -R_LB @ T_BL[:3, 3],
+            ),
             radius=radius,
             length=max(large - 2.0 * radius, 0.01 * large),
         )

@@ -63,8 +63,9 @@ class Bounds(NamedTuple):
         """False for NaN, and beyond LARGEST on a side without a bound."""
         if math.isinf(value):
             return not self.finite
-        upper, lower = (self.most, self.below), (self.least, self.above)
-        given = upper if value > 0.0 else lower
+        given = (
+            (self.most, self.below) if value > 0.0 else (self.least, self.above)
+        )
         return given != (None, None) or abs(value) <= self._largest
 
     def rule(self, value: float) -> str:
@@ -136,12 +137,16 @@ def parameters(owner: type[T]) -> type[T]:
         The dataclass, with slots.
     """
     made = dataclasses.dataclass(kw_only=True, slots=True)(owner)
-    lines = [
-        f"    {field.name}: {meaning(field)}"
-        for field in dataclasses.fields(made)  # type: ignore[arg-type]
-    ]
     made.__doc__ = "\n".join(
-        [inspect.cleandoc(made.__doc__ or ""), "", "Attributes:", *lines]
+        [
+            inspect.cleandoc(made.__doc__ or ""),
+            "",
+            "Attributes:",
+            *(
+                f"    {field.name}: {meaning(field)}"
+                for field in dataclasses.fields(made)  # type: ignore[arg-type]
+            ),
+        ]
     )
     return made
 

@@ -7,7 +7,7 @@ import typing
 from typing import Any
 
 from nadia_balance.parameters.bounds import UNBOUNDED, Bounds, meaning
-from nadia_balance.parameters.yaml_reader import field_types
+from nadia_balance.parameters.yaml_reader import field_types, not_none
 
 _TYPES = {bool: "boolean", float: "number", int: "integer", str: "string"}
 
@@ -50,19 +50,19 @@ def named_schema(schema: type, title: str) -> dict[str, Any]:
 
 def _of_class(schema: type) -> dict[str, Any]:
     hints = field_types(schema)
-    fields = {field.name: field for field in dataclasses.fields(schema)}
     return {
         "type": "object",
         "additionalProperties": False,
         "properties": {
-            name: _of_field(fields[name], hint) for name, hint in hints.items()
+            field.name: _of_field(field, hints[field.name])
+            for field in dataclasses.fields(schema)
+            if field.name in hints
         },
     }
 
 
 def _of_field(field: "dataclasses.Field[Any]", hint: Any) -> dict[str, Any]:
-    bounds = field.metadata.get("bounds", UNBOUNDED)
-    described = _of_type(hint, bounds)
+    described = _of_type(hint, field.metadata.get("bounds", UNBOUNDED))
     if text := meaning(field):
         described["description"] = text
     default = field.default
@@ -76,8 +76,7 @@ def _of_field(field: "dataclasses.Field[Any]", hint: Any) -> dict[str, Any]:
 def _of_type(hint: Any, bounds: Bounds) -> dict[str, Any]:
     base, args = typing.get_origin(hint), typing.get_args(hint)
     if base in (typing.Union, types.UnionType):
-        (option,) = (arg for arg in args if arg is not types.NoneType)
-        return {"anyOf": [_of_type(option, bounds), {"type": "null"}]}
+        return {"anyOf": [_of_type(not_none(args), bounds), {"type": "null"}]}
     if base is list:
         return {"type": "array", "items": _of_type(args[0], bounds)}
     if base is dict:
@@ -94,5 +93,7 @@ def _of_type(hint: Any, bounds: Bounds) -> dict[str, Any]:
         "maximum": bounds.most,
         "exclusiveMaximum": bounds.below,
     }
-    given = {name: limit for name, limit in limits.items() if limit is not None}
-    return {"type": _TYPES[hint], **given}
+    return {
+        "type": _TYPES[hint],
+        **{name: limit for name, limit in limits.items() if limit is not None},
+    }

@@ -51,14 +51,17 @@ def merged(
     for layer in layers:
         check_types(schema, layer.tree)
         tree = overlaid(tree, layer.tree)
-        kept = overlaid(kept, {} if layer.for_nadia else layer.tree)
-        for path in _paths(layer.tree):
-            below = [old for old in sources if _is_below(old, path)]
-            for old in below:
-                del sources[old]
-            sources[path] = layer.source
         if layer.for_nadia:
             kept = _without(kept, layer.tree)
+        else:
+            kept = overlaid(kept, layer.tree)
+        for path in _paths(layer.tree):
+            sources = {
+                other: source
+                for other, source in sources.items()
+                if not _is_below(other, path)
+            }
+            sources[path] = layer.source
     made = typed(schema, tree)
     check(made)
     made = scaled(made, size, kept)
@@ -85,11 +88,10 @@ def _without(tree: Any, other: Any) -> Any:
     """The tree without the leaves that another one has."""
     if not (isinstance(tree, Mapping) and isinstance(other, Mapping)):
         return None
-    left = {key: tree[key] for key in tree if key not in other}
-    for key in other:
-        if tree.get(key) is not None:
-            left[key] = _without(tree[key], other[key])
-    return left
+    return {
+        key: _without(value, other[key]) if key in other else value
+        for key, value in tree.items()
+    }
 
 
 def _paths(tree: Mapping[str, Any], above: str = "") -> Iterator[str]:

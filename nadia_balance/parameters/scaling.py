@@ -60,16 +60,18 @@ def scaled(params: T, size: Size, given: object = None) -> T:
         A new dataclass like `params`.
     """
     tree = given if isinstance(given, dict) else {}
-    values = {
-        field.name: _scaled(
-            value=getattr(params, field.name),
-            size=size,
-            given=tree.get(field.name),
-            bounds=field.metadata.get("bounds", UNBOUNDED),
-        )
-        for field in dataclasses.fields(params)  # type: ignore[arg-type]
-    }
-    return dataclasses.replace(params, **values)  # type: ignore[type-var]
+    return dataclasses.replace(  # type: ignore[type-var]
+        params,
+        **{
+            field.name: _scaled(
+                value=getattr(params, field.name),
+                size=size,
+                given=tree.get(field.name),
+                bounds=field.metadata.get("bounds", UNBOUNDED),
+            )
+            for field in dataclasses.fields(params)  # type: ignore[arg-type]
+        },
+    )
 
 
 def _scaled(value: Any, size: Size, given: object, bounds: Bounds) -> Any:

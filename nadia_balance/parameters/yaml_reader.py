@@ -53,11 +53,23 @@ def load_typed(
     try:
         if filename is not None:
             data = Path(filename).read_text(encoding="utf-8")
-        tree = load_tree(data or "", child_name)
-        return typed(schema, tree, child_name or "")
+        return typed(
+            schema, load_tree(data or "", child_name), child_name or ""
+        )
     except ValueError as error:
-        message = " ".join(str(error).split())
-        raise ValueError(f"{source}: {message}") from error
+        raise ValueError(f"{source}: {one_line(error)}") from error
+
+
+def one_line(error: BaseException) -> str:
+    """Returns the message of an error in one line.
+
+    Args:
+        error: any.
+
+    Returns:
+        Its words, one space apart.
+    """
+    return " ".join(str(error).split())
 
 
 def load_tree(text: str, child_name: str | None = None) -> Any:
@@ -80,8 +92,10 @@ def load_tree(text: str, child_name: str | None = None) -> Any:
         reason = str(error)
         if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
             mark = error.problem_mark
-            place = f"line {mark.line + 1}, column {mark.column + 1}"
-            reason = f"{place}: {error.problem}"
+            reason = (
+                f"line {mark.line + 1}, column {mark.column + 1}: "
+                f"{error.problem}"
+            )
         raise ValueError(f"malformed YAML: {reason}") from error
     _check_nodes(text)
     tree = {} if tree is None else tree
@@ -90,8 +104,9 @@ def load_tree(text: str, child_name: str | None = None) -> Any:
     if not isinstance(tree, dict):
         raise ValueError("malformed YAML: must be a mapping of names")
     if child_name not in tree:
-        names = ", ".join(map(str, tree))
-        raise ValueError(f"{child_name!r}: must be one of {names}")
+        raise ValueError(
+            f"{child_name!r}: must be one of {', '.join(map(str, tree))}"
+        )
     return tree[child_name]
 
 
@@ -153,8 +168,9 @@ def _check_keys(node: yaml.MappingNode) -> None:
 
 
 def _check_number(node: yaml.ScalarNode) -> None:
-    is_number = node.tag.endswith((":int", ":float"))
-    if is_number and re.search(r":|^[-+]?0\d", node.value):
+    if node.tag.endswith((":int", ":float")) and re.search(
+        r":|^[-+]?0\d", node.value
+    ):
         raise ValueError(
             f"{node.value}: must be a number without ':' or a leading 0"
         )
@@ -185,7 +201,7 @@ def _made(schema: Any, value: Any, default: Any) -> Any:
     if value is None or (base is None and isinstance(value, schema)):
         return value
     if base in (typing.Union, types.UnionType):
-        return _made(_option(args), value, default)
+        return _made(not_none(args), value, default)
     if base is list:
         return [_made(args[0], item, None) for item in value]
     if base is dict:
@@ -193,16 +209,25 @@ def _made(schema: Any, value: Any, default: Any) -> Any:
     if dataclasses.is_dataclass(schema) and isinstance(schema, type):
         whole = default if isinstance(default, schema) else schema()
         fields = field_types(schema)
-        made = {
-            key: _made(fields[key], item, getattr(whole, key))
-            for key, item in value.items()
-        }
-        return dataclasses.replace(whole, **made)
+        return dataclasses.replace(
+            whole,
+            **{
+                key: _made(fields[key], item, getattr(whole, key))
+                for key, item in value.items()
+            },
+        )
     return int(float(value)) if schema is int else schema(value)
 
 
-def _option(args: tuple[Any, ...]) -> Any:
-    """The type X of an X | None."""
+def not_none(args: tuple[Any, ...]) -> Any:
+    """Returns the type X of an X | None.
+
+    Args:
+        args: X and None, in any order.
+
+    Returns:
+        X.
+    """
     (option,) = (arg for arg in args if arg is not types.NoneType)
     return option
 
@@ -223,14 +248,15 @@ def check_types(schema: Any, value: object, name: str = "") -> None:
         _require(_is_scalar(schema, value), name, value, _NAMES[schema])
     elif base in (typing.Union, types.UnionType):
         if value is not None:
-            check_types(_option(args), value, name)
+            check_types(not_none(args), value, name)
     elif base is list:
         _require(isinstance(value, list | tuple), name, value, "a list")
         for i, item in enumerate(typing.cast(list[object], value)):
             check_types(args[0], item, f"{name}[{i}]")
     elif base is dict or not isinstance(value, schema):
-        allowed = "a mapping of fields, or {}"
-        _require(isinstance(value, dict), name, value, allowed)
+        _require(
+            isinstance(value, dict), name, value, "a mapping of fields, or {}"
+        )
         fields = None if base is dict else field_types(schema)
         for key, item in typing.cast(dict[str, object], value).items():
             path = f"{name}.{key}" if name else str(key)
@@ -255,10 +281,9 @@ def field_types(schema: type) -> dict[str, Any]:
         The types, by name.
     """
     hints = typing.get_type_hints(schema)
-    fields = dataclasses.fields(schema)
     return {
         field.name: hints[field.name]
-        for field in fields
+        for field in dataclasses.fields(schema)
         if not field.metadata.get("internal")
     }
 

@@ -51,8 +51,10 @@ def as_tree(value: Any) -> Any:
         The tree.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        names = field_types(type(value))
-        return {name: as_tree(getattr(value, name)) for name in names}
+        return {
+            name: as_tree(getattr(value, name))
+            for name in field_types(type(value))
+        }
     if isinstance(value, dict):
         return {key: as_tree(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -67,8 +69,7 @@ def _commented(text: str, has_child: bool, comments: Mapping[str, str]) -> str:
     for line in text.splitlines():
         match = _LINE.match(line)
         if match:
-            depth = len(match[1]) // 2
-            path = [*path[:depth], match[2]]
+            path = [*path[: len(match[1]) // 2], match[2]]
             name = ".".join(path[1:] if has_child else path)
             if name in comments:
                 line = f"{line}  # {comments[name]}"

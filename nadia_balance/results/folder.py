@@ -78,8 +78,11 @@ def prepare_folder(
     Raises:
         ValueError: it cannot be created, or is not writable.
     """
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    folder = first = Path(f"runs/{now}_{name}" if out is None else out)
+    folder = first = Path(
+        f"runs/{datetime.now():%Y-%m-%d_%H-%M-%S}_{name}"
+        if out is None
+        else out
+    )
     numbers = itertools.count(2)
     try:
         while out is None and folder.exists():  # of the same second
@@ -90,9 +93,9 @@ def prepare_folder(
             file.write(b"x")
             file.flush()
     except (OSError, ValueError, RecursionError) as error:  # too deep
-        cause = getattr(error, "strerror", None) or str(error)
         raise ValueError(
-            f"out = {str(folder)!r}: must be a folder to write to ({cause})"
+            f"out = {str(folder)!r}: must be a folder to write to "
+            f"({getattr(error, 'strerror', None) or error})"
         ) from error
     return folder
 

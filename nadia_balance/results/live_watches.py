@@ -92,45 +92,6 @@ def _signed(value: float) -> str:
     return f"{round(float(value), 2) + 0.0:.2f}"
 
 
-def distance_outside(regions: CaptureRegions) -> float:
-    """Returns how far the adjusted foothold is outside the capture region C_N.
-
-    Args:
-        regions: capture regions of a swing.
-
-    Returns:
-        The distance [m]; 0 without a foothold or a region.
-    """
-    if regions.adjusted is None or not regions.regions:
-        return 0.0
-    captures = regions.regions[-1]
-    p_W = regions.adjusted.p_WF[:2]
-    if not len(captures):
-        return 0.0
-    return math.dist(p_W, project(p_W, captures))
-
-
-def distance_out_of_reach(regions: CaptureRegions) -> float:
-    """Returns the gap between the reachable and the capture region C_N.
-
-    Args:
-        regions: capture regions of a swing.
-
-    Returns:
-        The distance [m]; 0 if they overlap, or without one of them.
-    """
-    if not regions.regions:
-        return 0.0
-    captures, reach = regions.regions[-1], regions.reach
-    if (
-        not len(captures)
-        or not len(reach)
-        or len(intersection(reach, captures))
-    ):
-        return 0.0
-    return closest_point(reach, captures)[1]
-
-
 class FallWatch:
     """Remembers, tick by tick, what may make the robot fall.
 
@@ -192,15 +153,19 @@ class FallWatch:
             causes = [self._landed[0]]  # what came after it was too late
         if self._fast:
             _, joint, ratio = max(self._fast, key=lambda seen: seen[2])
-            words = f"{joint} at {100.0 * ratio:.0f} % of its speed"
-            causes.append((self._fast[0][0], words))
+            causes.append(
+                (
+                    self._fast[0][0],
+                    f"{joint} at {100.0 * ratio:.0f} % of its speed",
+                )
+            )
         if not causes and self._errors:
             return f"ICP error {max(e for _, e in self._errors):.2f} m"
         return ", ".join(words for _, words in sorted(causes))
 
 
 def missed_words(regions: CaptureRegions) -> str:
-    """Says how a foothold misses the capture region.
+    """Says how the adjusted foothold misses the capture region C_N.
 
     Args:
         regions: capture regions of a swing.
@@ -209,10 +174,15 @@ def missed_words(regions: CaptureRegions) -> str:
         Such as `foothold outside the capture region by 0.21 m`; "" if it does
         not miss it, or outside of a swing.
     """
-    outside = distance_outside(regions)
+    captures = regions.regions[-1] if regions.regions else np.empty((0, 2))
+    if regions.adjusted is None or not len(captures):
+        return ""
+    p_W = regions.adjusted.p_WF[:2]
+    outside = math.dist(p_W, project(p_W, captures))
     if outside <= MISSED:
         return ""
-    gap = distance_out_of_reach(regions)
-    if gap > MISSED:
-        return f"capture region out of reach by {gap:.2f} m"
+    if len(regions.reach) and not len(intersection(regions.reach, captures)):
+        gap = closest_point(regions.reach, captures)[1]
+        if gap > MISSED:
+            return f"capture region out of reach by {gap:.2f} m"
     return f"foothold outside the capture region by {outside:.2f} m"

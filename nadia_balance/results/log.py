@@ -269,8 +269,12 @@ def steps(log: Log) -> list[Step]:
         taken.append(
             Step(
                 side=swing.swing_side,
-                commanded=_target(log, first),
-                adjusted=_target(log, swing.last),
+                commanded=_level_pose(
+                    signal_view(log, "walking_signal", first).target
+                ),
+                adjusted=_level_pose(
+                    signal_view(log, "walking_signal", swing.last).target
+                ),
                 achieved=sole_pose(log, landed, swing.swing_side),
                 swing=swing,
                 transfer=transfer,
@@ -357,13 +361,8 @@ def sole_pose(log: Log, row: int, side: Side) -> FootPose:
     return _level_pose(foot_part(signal_view(log, "walking_signal", row), side))
 
 
-def _target(log: Log, row: int) -> FootPose:
-    """The next foothold at this row, NaN if there is none."""
-    return _level_pose(signal_view(log, "walking_signal", row).target)
-
-
 def _level_pose(entries: Array) -> FootPose:
-    """The pose of x, y [m] and yaw [rad], (3,), on the ground."""
+    """The pose of x, y [m] and yaw [rad], (3,), on the ground; NaN: none."""
     x, y, yaw = entries
     return FootPose(np.array([x, y, 0.0]), float(yaw))
 
@@ -378,8 +377,11 @@ def walking_at(log: Log, row: int) -> WalkingSignal | None:
     Returns:
         The signal, None if it is not logged.
     """
-    name = "walking_signal"
-    return WalkingSignal(log[name][row]) if name in log else None
+    return (
+        WalkingSignal(log["walking_signal"][row])
+        if "walking_signal" in log
+        else None
+    )
 
 
 def support_side(walking: WalkingSignal) -> Side:

@@ -117,8 +117,8 @@ def is_square(walking: WalkingSignal) -> bool:
 
 def _heading(walking: WalkingSignal) -> float:
     """The heading [rad] of the frame between the feet, in one row."""
-    turn = math.remainder(walking.right[2] - walking.left[2], math.tau)
-    return float(walking.left[2] + 0.5 * turn)
+    left, right = walking.left[2], walking.right[2]
+    return float(left + 0.5 * math.remainder(right - left, math.tau))
 
 
 def walked_velocity(log: Log) -> tuple[Array, float] | None:
@@ -407,8 +407,9 @@ def _sole_distance(log: Log) -> float:
     edges = 1j * (np.roll(soles, -1, axis=2) - soles).reshape(len(soles), -1)
     between = left[:, :, None] - right[:, None]
     gaps = np.zeros(len(soles))
-    lines = np.hstack((edges, -edges, between.reshape(edges.shape[0], -1)))
-    for line in lines.T:
+    for line in np.hstack(
+        (edges, -edges, between.reshape(edges.shape[0], -1))
+    ).T:
         along = (line / np.maximum(np.abs(line), 1e-12)).conj()[:, None]
         a, b = (left * along).real, (right * along).real
         gaps = np.maximum(gaps, a.min(axis=1) - b.max(axis=1))

@@ -179,12 +179,14 @@ def _compressed(command: re.Match[str]) -> str:
 
 def _legend(colors: dict[str, str] = palette.LEGEND) -> str:
     """The legend of the `colors` as HTML; empty squares are outlines."""
-    entries = [
-        f"{_square(color, name in palette.OUTLINED)} {name}"
-        for name, color in colors.items()
-    ]
     feet = [_square(palette.foot_color(side), True) for side in Side]
-    entries.append(f"{''.join(feet)} foothold as adjusted")
+    entries = [
+        *(
+            f"{_square(color, name in palette.OUTLINED)} {name}"
+            for name, color in colors.items()
+        ),
+        f"{''.join(feet)} foothold as adjusted",
+    ]
     return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)
 
 
@@ -208,7 +210,7 @@ def replay_status(log: Log, summary: dict[str, Any]) -> str:
     Returns:
         HTML for the end of the page.
     """
-    said = json.dumps(
+    data = json.dumps(
         {
             "title": "  ·  ".join(
                 str(summary[name])
@@ -222,7 +224,7 @@ def replay_status(log: Log, summary: dict[str, Any]) -> str:
             "end": float(log["t"][-1]),
         }
     )
-    return _STATUS + _REPLAY % said.replace("<", "\\u003c")
+    return _STATUS + _REPLAY % data.replace("<", "\\u003c")
 
 
 def _timed_story(

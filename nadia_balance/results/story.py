@@ -207,9 +207,11 @@ def moment_words(walking: WalkingSignal) -> str:
     phase = PHASES[int(walking.phase)]
     if phase is Phase.STANDING:
         return "standing"
-    side = support_side(walking).other.value
     share = walking.time_in_phase / walking.duration
-    return f"{side} {phase.value} {100.0 * share:.0f} %"
+    return (
+        f"{support_side(walking).other.value} {phase.value} "
+        f"{100.0 * share:.0f} %"
+    )
 
 
 def push_words(

@@ -5,11 +5,13 @@ from typing import Any
 
 import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RotationMatrix
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import FootPoses, Side
+from nadia_balance.view.scene import transform
 
 ROOT = "/aims"  # not part of the drawings of a run
 PUSH = f"{ROOT}/push"
@@ -48,10 +50,9 @@ class Aims:
             meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
             meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
         # A cone opens along z from its tip; the arrow's tip points along z.
-        p_tip: Any = [0.0, 0.0, -_GAP]
         meshcat.SetTransform(
             f"{PUSH}/tip",
-            RigidTransform(RotationMatrix.MakeXRotation(math.pi), p_tip),
+            transform([0.0, 0.0, -_GAP], RotationMatrix.MakeXRotation(math.pi)),
         )
         meshcat.SetProperty(PUSH, "visible", False)
 
@@ -74,7 +75,7 @@ class Aims:
             self._meshcat.SetTransform(f"{PUSH}/shaft", shaft)
         direction: Any = np.array([math.cos(yaw), math.sin(yaw), 0.0])
         R_WP = RotationMatrix.MakeFromOneVector(direction, 2)
-        self._meshcat.SetTransform(PUSH, RigidTransform(R_WP, com))
+        self._meshcat.SetTransform(PUSH, transform(com, R_WP))
 
     def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
         """Draws the commanded way on the ground; none if it is to stand.
@@ -91,9 +92,13 @@ class Aims:
                 self._add_band(commanded_way(command))
         if np.any(command):
             height = max(float(feet[side].p_WF[2]) for side in Side)
-            p_W: Any = np.array([com[0], com[1], height + _ABOVE])
-            R = RotationMatrix.MakeZRotation(heading(feet))
-            self._meshcat.SetTransform(COMMAND, RigidTransform(R, p_W))
+            self._meshcat.SetTransform(
+                COMMAND,
+                transform(
+                    [com[0], com[1], height + _ABOVE],
+                    RotationMatrix.MakeZRotation(middle(feet).yaw),
+                ),
+            )
 
     def _add_band(self, points: Array) -> None:
         """Adds a band along the points (n, 2) [m], with a tip at its end."""
@@ -122,19 +127,6 @@ class Aims:
         self._meshcat.SetTriangleMesh(
             COMMAND, vertices, triangles, palette.rgba(palette.COMMAND, 0.8)
         )
-
-
-def heading(feet: FootPoses) -> float:
-    """Returns the heading of the robot: the mean yaw of both soles.
-
-    Args:
-        feet: poses of the soles in W.
-
-    Returns:
-        The angle [rad].
-    """
-    turn = math.remainder(feet.right.yaw - feet.left.yaw, math.tau)
-    return feet.left.yaw + 0.5 * turn
 
 
 def commanded_way(command: Array) -> Array:

@@ -2,12 +2,11 @@
 
 import math
 from itertools import zip_longest
-from typing import Any
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context, EventStatus, LeafSystem
+from pydrake.math import RotationMatrix
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance import palette
 from nadia_balance.core.body.ground import Ground
@@ -32,6 +31,7 @@ from nadia_balance.view.scene import (
     at_height,
     hide_before,
     sole_transform,
+    transform,
 )
 
 ROOT = "/overlay"
@@ -169,15 +169,14 @@ class BalanceVisualizer(LeafSystem):
                     palette.rgba(palette.GROUND, 0.5),
                 ).show(True, None)
 
-    def _forget(self, context: Context) -> EventStatus:
+    def _forget(self, context: Context) -> None:
         """Removes the drawings of the previous run."""
         self._meshcat.Delete(FOOTPRINTS)
         for polygon in self._polygons.values():
             polygon.forget()
         self._arrow.show(False, context.get_time())
-        return EventStatus.Succeeded()
 
-    def _draw(self, context: Context) -> EventStatus:
+    def _draw(self, context: Context) -> None:
         time = context.get_time()
         state = self._walking_state(context)
         schedule = state.schedule
@@ -190,7 +189,6 @@ class BalanceVisualizer(LeafSystem):
         self._draw_com_and_push(context)
         if schedule.phase is not Phase.SWING:
             self._region_view.show(False, time)
-        return EventStatus.Succeeded()
 
     def _draw_points(self, context: Context, ground: float) -> None:
         """Draws the points that are on the `ground` [m]."""
@@ -205,9 +203,8 @@ class BalanceVisualizer(LeafSystem):
             "ecmp": None if command is None else command.ecmp,
         }.items():
             if point is not None:
-                p_W: Any = [*point, ground]
                 self._markers[name].place(
-                    RigidTransform(p_W), context.get_time()
+                    transform([*point, ground]), context.get_time()
                 )
 
     def _draw_feet(self, state: WalkingState, time: float) -> None:
@@ -254,10 +251,8 @@ class BalanceVisualizer(LeafSystem):
         time, com = context.get_time(), self._com(context)
         if com is None:
             return
-        x, y, _ = com.position
-        middle: Any = [x, y, 0.0]
-        self._markers["com"].place(RigidTransform(com.position), time)
-        self._middle.place(RigidTransform(middle), time)
+        self._markers["com"].place(transform(com.position), time)
+        self._middle.place(transform([*com.position[:2], 0.0]), time)
         force = self._push_force(context)
         if force is None:
             return
@@ -266,20 +261,21 @@ class BalanceVisualizer(LeafSystem):
             # is hidden later in the recording.
             R_WP = RotationMatrix.MakeFromOneVector(force, 2)
             self._arrow.show(False, time + LINGER)
-            self._arrow.place(RigidTransform(R_WP, com.position), time)
+            self._arrow.place(transform(com.position, R_WP), time)
         else:
             self._arrow.show(False, None)  # a recording shows it longer
 
-    def _draw_regions(self, context: Context) -> EventStatus:
+    def _draw_regions(self, context: Context) -> None:
         """Draws the capture regions, clipped to RADIUS about the stance foot.
 
         Long before touchdown they extend for many metres.
         """
         schedule = self._walking_state(context).schedule
-        swings = schedule.phase is Phase.SWING
-        regions = self._regions(context) if swings else None
+        regions = (
+            self._regions(context) if schedule.phase is Phase.SWING else None
+        )
         if regions is None:
-            return EventStatus.DidNothing()
+            return
         time = context.get_time()
         x, y, z = schedule.feet[schedule.support_side].p_WF
         near = circle(RADIUS, 24) + [x, y]
@@ -297,4 +293,3 @@ class BalanceVisualizer(LeafSystem):
         )
         self._nominal.place(sole_transform(feet[0]) if is_moved else None, time)
         self._region_view.show(True, time)
-        return EventStatus.Succeeded()

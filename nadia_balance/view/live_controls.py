@@ -1,11 +1,11 @@
 """Buttons, sliders and a gamepad in Meshcat, for the user of a live session."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, EventStatus, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import LABELS, Mechanisms
@@ -81,10 +81,10 @@ class LiveControls(LeafSystem):
             meshcat.SetSliderValue(name, value)
         self._add_commands()
         self._show_mechanisms(on.as_vector())
-        aimed: Any = [0.0, *self.aimed_push()]
-        switches: Any = on.as_vector()
-        self._push: Any = self.DeclareDiscreteState(aimed)
-        self._on: Any = self.DeclareDiscreteState(switches)
+        self._push: Any = self.DeclareDiscreteState(
+            cast(Any, [0.0, *self.aimed_push()])
+        )
+        self._on: Any = self.DeclareDiscreteState(cast(Any, on.as_vector()))
         self._command: Any = self.DeclareDiscreteState(len(COMMANDS))
         # Clicks on PUSH before this run, and those on HALT that were heard.
         self._clicks: Any = self.DeclareDiscreteState(2)
@@ -128,15 +128,14 @@ class LiveControls(LeafSystem):
         return np.array([self._meshcat.GetSliderValue(c) for c in COMMANDS])
 
     def _add_commands(self) -> None:
-        meshcat = self._meshcat
-        meshcat.AddButton(HALT, HALT_KEY)
+        self._meshcat.AddButton(HALT, HALT_KEY)
         for (name, (lower, higher)), (low, high) in zip(
             COMMANDS.items(), self._limits.T, strict=True
         ):
             step = slider_step(min(-low, high))
             # Whole steps from 0, so that 0 is one of the slider's values.
-            meshcat.DeleteSlider(name, strict=False)
-            meshcat.AddSlider(
+            self._meshcat.DeleteSlider(name, strict=False)
+            self._meshcat.AddSlider(
                 name,
                 min=-step * max(int(-low / step + 1e-9), 1),
                 max=step * max(int(high / step + 1e-9), 1),
@@ -155,7 +154,7 @@ class LiveControls(LeafSystem):
         for name, is_on in zip(LABELS, on, strict=True):
             self._meshcat.AddButton(_label(name, is_on))
 
-    def _begin(self, context: Any, state: Any) -> EventStatus:
+    def _begin(self, context: Any, state: Any) -> None:
         """Shows what is on, and forgets the clicks before, for a new run."""
         # A button that is added again comes last, and hears its key twice.
         state.set_value(
@@ -164,9 +163,8 @@ class LiveControls(LeafSystem):
         )
         self._show_mechanisms(context.get_discrete_state(self._on).value())
         state.get_mutable_vector(self._push)[0] = 0.0
-        return EventStatus.Succeeded()
 
-    def _poll(self, context: Any, state: Any) -> EventStatus:
+    def _poll(self, context: Any, state: Any) -> None:
         before, heard = context.get_discrete_state(self._clicks).value()
         state.set_value(
             self._push,
@@ -186,7 +184,6 @@ class LiveControls(LeafSystem):
         if any(clicks):
             state.set_value(self._on, (on + clicks) % 2.0)
             self._show_mechanisms((on + clicks) % 2.0)
-        return EventStatus.Succeeded()
 
 
 def stick_command(axes: Sequence[float], limits: Array) -> Array:

@@ -6,7 +6,7 @@ and hidden, always with the time of the frame.
 """
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import (
@@ -53,7 +53,6 @@ _LIGHTS = {
     "PointLightNegativeX": (2.0, None),
     "PointLightPositiveX": (2.0, None),
 }
-_GHOST = palette.rgba(palette.ICP, 0.3)
 _CAMERA: Any = [3.3, 1.9, 1.75]  # in W [m]
 _TARGET: Any = [0.25, 0.0, 0.72]  # in W [m]
 _FLOOR, _CELL = 15.0, 0.5  # half size, grid [m]
@@ -139,7 +138,7 @@ def add_ghost(
         meshcat,
         prefix=GHOST,
         role=Role.kProximity,
-        default_color=_GHOST,
+        default_color=palette.rgba(palette.ICP, 0.3),
     )
     return plant
 
@@ -155,12 +154,14 @@ def set_scene(meshcat: Meshcat) -> None:
         meshcat.SetProperty(path, "intensity", intensity)
         if position is not None:
             meshcat.SetProperty(path, "position", position)
-    for name, color in (
-        ("top_color", palette.SKY_TOP),
-        ("bottom_color", palette.SKY_BOTTOM),
-    ):
-        sky: Any = palette.rgb(color)
-        meshcat.SetProperty("/Background/<object>", name, sky)
+    meshcat.SetProperty(
+        "/Background/<object>", "top_color", list(palette.rgb(palette.SKY_TOP))
+    )
+    meshcat.SetProperty(
+        "/Background/<object>",
+        "bottom_color",
+        list(palette.rgb(palette.SKY_BOTTOM)),
+    )
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
     _add_floor(meshcat)
@@ -177,8 +178,7 @@ def move_floor(meshcat: Meshcat, p_W: Array) -> None:
         p_W: the point, (3,) in W [m].
     """
     x, y = _CELL * np.round(p_W[:2] / _CELL)
-    p_WFloor: Any = [x, y, 0.0]
-    meshcat.SetTransform("/Floor", RigidTransform(p_WFloor))
+    meshcat.SetTransform("/Floor", transform([x, y, 0.0]))
 
 
 def _add_floor(meshcat: Meshcat) -> None:
@@ -269,13 +269,18 @@ def add_arrow(meshcat: Meshcat, path: str, color: str) -> Drawing:
         The arrow, hidden.
     """
     shaft, head, gap = 0.41, 0.14, 0.2  # lengths [m]
-    p_shaft: Any = [0.0, 0.0, -gap - head - 0.5 * shaft]
-    p_head: Any = [0.0, 0.0, -gap]
     # A cone opens along z from its tip; the arrow's tip points along z.
-    X_head = RigidTransform(RotationMatrix.MakeXRotation(math.pi), p_head)
     for part, shape, X in (
-        ("shaft", Cylinder(0.02, shaft), RigidTransform(p_shaft)),
-        ("head", MeshcatCone(head, 0.05, 0.05), X_head),
+        (
+            "shaft",
+            Cylinder(0.02, shaft),
+            transform([0.0, 0.0, -gap - head - 0.5 * shaft]),
+        ),
+        (
+            "head",
+            MeshcatCone(head, 0.05, 0.05),
+            transform([0.0, 0.0, -gap], RotationMatrix.MakeXRotation(math.pi)),
+        ),
     ):
         meshcat.SetObject(f"{path}/{part}", shape, palette.rgba(color))
         meshcat.SetTransform(f"{path}/{part}", X)
@@ -356,8 +361,23 @@ def sole_transform(pose: FootPose, height: float = 0.0) -> RigidTransform:
     Returns:
         The pose of the sole in W.
     """
-    p_W: Any = pose.p_WF + [0.0, 0.0, height]
-    return RigidTransform(RollPitchYaw(0.0, 0.0, pose.yaw), p_W)
+    return transform(
+        pose.p_WF + [0.0, 0.0, height],
+        RotationMatrix(RollPitchYaw(0.0, 0.0, pose.yaw)),
+    )
+
+
+def transform(p: Any, R: RotationMatrix | None = None) -> RigidTransform:
+    """Returns a pose.
+
+    Args:
+        p: position, three numbers [m].
+        R: orientation; by default that of the frame itself.
+
+    Returns:
+        The pose.
+    """
+    return RigidTransform(RotationMatrix() if R is None else R, p)
 
 
 class ChangingPolygon:
@@ -456,9 +476,8 @@ def add_mechanisms(
         The port of the mechanisms.
     """
     if meshcat is None:
-        switches: Any = on.as_vector()
         return builder.AddNamedSystem(
-            "mechanisms", ConstantVectorSource(switches)
+            "mechanisms", ConstantVectorSource(cast(Any, on.as_vector()))
         ).get_output_port()
     controls = builder.AddNamedSystem(
         CONTROLS, LiveControls(meshcat, on, limits)

@@ -8,7 +8,7 @@ import pytest
 
 from nadia_balance.core.walking.state import FootPose, FootPoses
 from nadia_balance.view import aims
-from nadia_balance.view.aims import Aims, commanded_way, heading
+from nadia_balance.view.aims import Aims, commanded_way
 from nadia_balance.view.scene import start_meshcat
 
 FEET = FootPoses(
@@ -34,13 +34,6 @@ def test_the_way_is_that_of_a_point_ahead(command):
     points = commanded_way(np.array(command))
     assert points[0] == pytest.approx([aims.AHEAD, 0.0])
     assert points[-1] == pytest.approx(ahead + [x, y], abs=1e-6)
-
-
-def test_the_heading_is_between_the_feet_also_across_half_a_turn():
-    """Oracle: by hand."""
-    assert heading(FEET) == pytest.approx(0.2)
-    left, right = FootPose(yaw=3.1), FootPose(yaw=-3.1)
-    assert abs(heading(FootPoses(left, right))) == pytest.approx(math.pi)
 
 
 def test_the_push_points_at_the_trunk_and_is_as_long_as_it_is_large():

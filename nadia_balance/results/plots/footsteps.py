@@ -111,8 +111,12 @@ def window(log: Log, pushed: list[PushSpan]) -> tuple[int, int]:
     if not pushed:
         return 0, last_row
     push, taken = pushed[-1], steps(log)
-    moved = [step.swing.end for step in taken if _is_moved(step)]
-    end = max([recovered_at(log, push), *moved])
+    end = max(
+        [
+            recovered_at(log, push),
+            *(step.swing.end for step in taken if _is_moved(step)),
+        ]
+    )
     after = [step.swing.last + 1 for step in taken if step.swing.end > end]
     first = max(s.first for s in phase_spans(log) if s.first <= push.first)
     return first, min([*after[1:2], last_row])

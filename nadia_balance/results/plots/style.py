@@ -52,8 +52,14 @@ def plan_view(
         y: limits along y [m].
         **more: other properties of the axes, such as the title.
     """
-    ax.set(xlim=x, ylim=y, aspect="equal", **more)
-    ax.set(xlabel="x, forward [m]", ylabel="y, left [m]")
+    ax.set(
+        xlim=x,
+        ylim=y,
+        aspect="equal",
+        xlabel="x, forward [m]",
+        ylabel="y, left [m]",
+        **more,
+    )
 
 
 def key(
@@ -83,11 +89,14 @@ def title(summary: dict[str, Any], name: str) -> str:
     Returns:
         One line.
     """
-    run = [summary["robot"], summary["mechanisms"]]
-    for push in summary["pushes"]:
-        run.append(
+    run = [
+        summary["robot"],
+        summary["mechanisms"],
+        *(
             f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
-        )
+            for push in summary["pushes"]
+        ),
+    ]
     if summary["fell_at"] is not None:
         run.append(f"fell at {summary['fell_at']:.2f} s")
     elif summary["pushes"]:
@@ -113,8 +122,7 @@ def fill(
         alpha: opacity of the fill.
         **style: other properties, such as linestyle or zorder.
     """
-    style.setdefault("edgecolor", color)
-    style.setdefault("linewidth", 1.4)
+    style = {"edgecolor": color, "linewidth": 1.4, **style}
     ax.add_patch(
         Polygon(
             polygon,

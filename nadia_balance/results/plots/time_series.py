@@ -472,9 +472,12 @@ def _draw_feet(ax: Axes, log: Log, spans: list[PhaseSpan]) -> None:
 
 def _key_to_bars(are_planned: bool, modes: set[Mode]) -> list[Artist]:
     """The entries of the legend: contacts, and the modes that there are."""
-    planned = Patch(color=FAINT, alpha=0.3, label="as planned")
     return [
-        *([planned] if are_planned else []),
+        *(
+            [Patch(color=FAINT, alpha=0.3, label="as planned")]
+            if are_planned
+            else []
+        ),
         Patch(color=FAINT, label="as measured"),
         *(
             Patch(color=_MODE_COLORS[mode], label=mode.value)

@@ -16,6 +16,7 @@ from nadia_balance.core.plan.gait import (
     Gait,
     StepVector,
     make_footsteps,
+    middle,
     walking_start,
     within_reach,
 )
@@ -34,6 +35,13 @@ REACH = MODEL.reach
 def steps_of(**gait):
     """The footsteps of a robot that stands about the origin."""
     return make_footsteps(Gait(**gait), FEET, REACH)
+
+
+def test_the_middle_is_between_the_feet_also_across_half_a_turn():
+    """Oracle: by hand."""
+    for left, right, yaw in (0.1, 0.3, 0.2), (3.1, -3.1, math.pi):
+        feet = FootPoses(FootPose(yaw=left), FootPose(yaw=right))
+        assert middle(feet).yaw == pytest.approx(yaw)
 
 
 def test_footholds_are_taken_as_given():
