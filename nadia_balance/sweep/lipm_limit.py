@@ -49,9 +49,6 @@ _BOX = np.vstack([np.eye(2), -np.eye(2)])
 # Normals of a disc's outer polygon, which is 0.5 % too large.
 _DIRECTIONS = reachability.circle(1.0)
 
-Halfplanes = tuple[Array, Array]  # A p <= b
-Swings = tuple[float, ...]  # durations [s]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LipmLimit:
@@ -135,8 +132,9 @@ class LipmLimit:
         angle = self._side * math.radians(direction_deg)
         direction = np.array([math.cos(angle), math.sin(angle)])
         last = len(self._steps)
-        counts = range(0 if self.on.step else last, last + 1)
-        return self._best(direction, counts)
+        return self._best(
+            direction, range(0 if self.on.step else last, last + 1)
+        )
 
     def least_steps(self) -> int:
         """The least number of steps that capture the ICP, without a push.
@@ -209,14 +207,15 @@ class LipmLimit:
     @cached_property
     def _regions(self) -> dict[str, Array]:
         """The reachability regions by name, and their hull."""
-        reach, cross_over = self.model.reach, self.on.cross_over
         return {
-            **reachability.step_regions(reach, cross_over),
-            _HULL: reachability.total_region(reach, cross_over),
+            **reachability.step_regions(self.model.reach, self.on.cross_over),
+            _HULL: reachability.total_region(
+                self.model.reach, self.on.cross_over
+            ),
         }
 
     @cached_property
-    def _reach(self) -> list[dict[str, Halfplanes]]:
+    def _reach(self) -> list[dict[str, polygon.Halfspaces]]:
         """Regions of each step by name, y to the first swing side."""
         if self.on.step:
             return [
@@ -237,13 +236,12 @@ class LipmLimit:
         ]
 
     @cached_property
-    def _ecmps(self) -> list[Halfplanes]:
+    def _ecmps(self) -> list[polygon.Halfspaces]:
         """Half-planes of the eCMP on the present contacts, and on a sole."""
-        sole = self.model.cop_area
-        present = support_polygon(self.state.schedule, sole)
+        present = support_polygon(self.state.schedule, self.model.cop_area)
         hulls = [
             polygon.convex_hull(self._local(present)),
-            polygon.convex_hull(sole),
+            polygon.convex_hull(self.model.cop_area),
         ]
         if self.kappa:
             square = rectangle(2.0 * self.kappa, 2.0 * self.kappa)
@@ -288,29 +286,29 @@ class LipmLimit:
             )
         return [left, *swings[1:]], [0.0, *transfers[1:]]
 
-    def _swings(self, n: int) -> Iterator[Swings]:
+    def _swings(self, n: int) -> Iterator[tuple[float, ...]]:
         """Yields those that are tried of `n` swings, fast ones first."""
         delays = _DELAYS if self.on.swing else ((0.0,),) * _MAX_STEPS
-        rests = zip(self._rests[0][:n], delays, strict=False)
         return itertools.product(
             *(
                 [rest + delay / self.model.omega for delay in options]
-                for rest, options in rests
+                for rest, options in zip(
+                    self._rests[0][:n], delays, strict=False
+                )
             )
         )
 
     def _behind(self) -> float:
         """Weight [-] of the eCMP of the trailing foot before lift-off."""
-        schedule = self.state.schedule
-        if schedule.phase is not Phase.TRANSFER:
+        if self.state.schedule.phase is not Phase.TRANSFER:
             return 0.0
-        share = self.state.remaining_time / schedule.duration
+        share = self.state.remaining_time / self.state.schedule.duration
         return share * (1.0 - _mean_decay(self.model.omega * self._rests[1][0]))
 
     def _solve(
         self,
         direction: Array,
-        swings: Swings,
+        swings: tuple[float, ...],
         regions: Sequence[str],
         upper_bound: float,
     ) -> float | None:
@@ -350,13 +348,15 @@ class LipmLimit:
         )
         return None if x is None else float(x[0])
 
-    def _weights(self, swings: Swings) -> Array:
+    def _weights(self, swings: tuple[float, ...]) -> Array:
         """The weights (n,) [-] of the step vectors."""
         n, w = len(swings), self.model.omega
         _, transfers = self._durations
         landings = np.cumsum(swings) + np.cumsum(self._rests[1][:n])
-        next_transfers = [*transfers[1:], *transfers[-1:]][:n]
-        loading = [_mean_decay(w * t) for t in next_transfers]
+        loading = [
+            _mean_decay(w * transfer)
+            for transfer in [*transfers[1:], *transfers[-1:]][:n]
+        ]
         gained = self.fall / (2.0 * GRAVITY) * np.arange(1, n + 1)
         return np.asarray(np.exp(-w * (landings - gained)) * loading)
 

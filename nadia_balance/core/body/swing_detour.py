@@ -11,7 +11,7 @@ import numpy as np
 
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import convex_hull, intersection
+from nadia_balance.core.math.polygon import Point, convex_hull, intersection
 from nadia_balance.core.walking.state import (
     ContactSchedule,
     FootPose,
@@ -20,8 +20,6 @@ from nadia_balance.core.walking.state import (
     Side,
 )
 from nadia_balance.parameters.bounds import bounded, parameters
-
-Point = tuple[float, float]
 
 # Ratio of the largest braking to `max_acceleration` of a foot too fast to stop
 # on its path.  A quintic from rest to rest peaks at 1.44 times bang-bang
@@ -116,8 +114,10 @@ class SwingDetourParams:
         Returns:
             Time [s].
         """
-        fastest = 2.0 * math.sqrt(length / self.max_acceleration)
-        return max(fastest, length / self.max_speed) + self.settling
+        return self.settling + max(
+            2.0 * math.sqrt(length / self.max_acceleration),
+            length / self.max_speed,
+        )
 
     def way_round(
         self, start: Array, goal: Array, stance: FootPose, swing: Side
@@ -181,8 +181,10 @@ class SwingDetourParams:
         a = self.max_acceleration
         stop = 0.5 * v * v / a
         if stop <= length:
-            fastest = (2.0 * math.sqrt(a * (length + stop)) - v) / a
-            return max(fastest, length / self.max_speed)
+            return max(
+                (2.0 * math.sqrt(a * (length + stop)) - v) / a,
+                length / self.max_speed,
+            )
         if stop <= PEAK * length:
             return 2.0 * length / v
         return v / (PEAK * a) + 2.0 * math.sqrt((stop / PEAK - length) / a)
@@ -268,13 +270,10 @@ class SwingEdges(Immutable):
             True before an edge that is higher, by half of the clearance.
         """
         s = float(self._progress(p_WF[None, :2])[0])
-        ahead = math.ceil(s + _PARTS * _AHEAD / self._length)
+        length = math.dist(self.start[:2], self.goal[:2])
+        ahead = math.ceil(s + _PARTS * _AHEAD / length)
         highest = self.heights[math.floor(s) : ahead + 1].max()
         return bool(p_WF[2] < highest - 0.5 * self.clearance)
-
-    @property
-    def _length(self) -> float:
-        return math.dist(self.start[:2], self.goal[:2])
 
     def _progress(self, points: Array) -> Array:
         """Returns the passed path intervals (k,) [-] at `points` (k, 2)."""

@@ -1,7 +1,5 @@
 """A complementary filter: IMU and legs, with gains that are fixed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A contact-aided invariant Kalman filter: IMU, legs, feet on the ground."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -296,8 +294,9 @@ class InvariantEkf:
         r = np.column_stack((place - last.x[2:], turn - math.pi))[rows].ravel()
         H = _SEEN[rows].reshape(-1, SIZE)
         HP = H @ last.cov
-        S = HP @ H.T + self._leg_noise(last, rows, legs)
-        return _corrected(last, HP=HP, S=S, r=r)
+        return _corrected(
+            last, HP=HP, S=HP @ H.T + self._leg_noise(last, rows, legs), r=r
+        )
 
     def _leg_noise(self, last: Estimate, rows: list[int], legs: Legs) -> Array:
         """Covariance of place and heading of the soles `rows` by the legs."""
@@ -331,11 +330,10 @@ def _corrected(
     cov = last.cov - HP.T @ K[:, :-1]
     cov[GAUGE, GAUGE] = last.cov[GAUGE, GAUGE]  # Schmidt's: K = 0 there
     turned, mean, _ = gammas(xi[THETA])
-    estimate = Estimate(
+    return Estimate(
         R=turned @ last.R,
         x=last.x @ turned.T + xi[3:15].reshape(4, 3) @ mean.T,
         bias=last.bias + xi[BIAS].reshape(2, 3),
         heading=last.heading + xi[HEADINGS],
         cov=0.5 * (cov + cov.T),
-    )
-    return estimate, float(r @ K[:, -1])
+    ), float(r @ K[:, -1])

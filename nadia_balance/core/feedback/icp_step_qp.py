@@ -10,6 +10,7 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import base_region, in_world
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import (
+    Halfspaces,
     clip_all,
     halfspaces,
     project,
@@ -30,7 +31,6 @@ from nadia_balance.core.walking.state import (
 )
 from nadia_balance.parameters.bounds import bounded, parameters
 
-Halfspaces = tuple[Array, Array]  # A, b with A p <= b, in W
 _NO_QP = QpResult(np.empty(0), True, 0, violation=0.0)
 
 
@@ -114,7 +114,7 @@ class IcpStepQp:
         self._qp = DenseQp(self._size)
         # The cost without that of delta, whose weight is R.
         step_costs = 2 * params.num_steps * [params.step_weight]
-        self._H = np.diag([*step_costs, *(2 * [params.slack_weight])])
+        self._H = np.diag(step_costs + 2 * [params.slack_weight])
         self._R = params.feedback_weight
 
     def solve(
@@ -157,10 +157,15 @@ class IcpStepQp:
         C[: len(b_cmp)] = A_cmp @ cmp_D
         C[len(b_cmp) :, :used] = A_steps
         upper = np.concatenate((b_cmp - A_cmp @ (cmp + delta_0), b_steps))
-        lower = np.full(len(upper), -np.inf)
         DR = self._R * D.T
         result = self._qp.solve(
-            QpProblem(self._H + DR @ D, DR @ delta_0, C, lower, upper)
+            QpProblem(
+                H=self._H + DR @ D,
+                g=DR @ delta_0,
+                A=C,
+                lower=np.full(len(upper), -np.inf),
+                upper=upper,
+            )
         )
         return result.x[:used].reshape(-1, 2), result
 
@@ -226,10 +231,11 @@ def uncrossed_reach(params: IcpStepQpParams, model: PointMassModel) -> Array:
     Raises:
         ValueError: the region is empty.
     """
-    width = float(np.ptp(model.sole[:, 1]))
-    apart = width + max(params.sole_clearance, model.sole_clearance)
+    clearance = max(params.sole_clearance, model.sole_clearance)
     reach = clip_all(
-        base_region(model.reach), np.array([[0.0, -1.0]]), np.array([-apart])
+        base_region(model.reach),
+        A=np.array([[0.0, -1.0]]),
+        b=np.array([-float(np.ptp(model.sole[:, 1])) - clearance]),
     )
     if not len(reach):
         raise ValueError(
@@ -295,17 +301,19 @@ class IcpStepControl:
         schedule, params = state.schedule, self._params
         stance = schedule.feet[schedule.support_side]
         steps = _in_force(state, params.num_steps)
-        adjustment = (
-            replace(steps[0], later=steps[1:])
-            if steps
-            else unadjusted(schedule)
+        room = shrink(
+            support_polygon(schedule, self._model.cop_area),
+            distance=params.cop_safe_distance,
+            name="cop_safe_distance",
         )
-        support = support_polygon(schedule, self._model.cop_area)
-        room = shrink(support, params.cop_safe_distance, "cop_safe_distance")
         return StepPhase(
             steps,
             offsets=_shifts(steps),
-            adjustment=adjustment,
+            adjustment=(
+                replace(steps[0], later=steps[1:])
+                if steps
+                else unadjusted(schedule)
+            ),
             reach=in_world(self._reach, stance, schedule.support_side.other),
             room=room,
             cmp_room=halfspaces(room),
@@ -380,11 +388,14 @@ class IcpStepControl:
                     cop=reference.ecmp + cmp,
                 )
         # Equal to the QP's delta if the footholds are the QP's.
-        delta = ankle_feedback(
-            icp - reference.icp, reference.ecmp, phase.room, self._params
-        )
         return StepFeedback(
-            adjustment, reference, reference.ecmp + delta, result
+            adjustment,
+            reference,
+            reference.ecmp
+            + ankle_feedback(
+                icp - reference.icp, reference.ecmp, phase.room, self._params
+            ),
+            result,
         )
 
 

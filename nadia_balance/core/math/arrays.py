@@ -8,15 +8,15 @@ Array = NDArray[np.float64]
 _TINY = 1e-12  # lower bound of divisors, for spheres and parallel segments
 
 
-def read_only(values: object, size: int) -> Array:
+def read_only(values: object, size: int | tuple[int, int]) -> Array:
     """A read-only copy of numbers.
 
     Args:
         values: `size` numbers, as an array, a list or a scalar.
-        size: length of the vector.
+        size: length of a vector, or shape of a matrix.
 
     Returns:
-        Vector of floats (size,).
+        Floats of this size.
     """
     array = np.array(values, dtype=float).reshape(size)
     array.flags.writeable = False
@@ -65,10 +65,10 @@ class SegmentPairs:
         """
         ab = np.einsum("ik,ik->k", axes[:, 0], axes[:, 1])
         ar, br = np.einsum("ik,ipk->pk", begin[:, 0] - begin[:, 1], axes)
-        det = np.maximum(self._aabb - ab * ab, self._smallest_det)
         shares = np.empty(axes.shape[1:])
         s, t = shares
         # Closest point on line a, then on segment b, then on segment a.
+        det = np.maximum(self._aabb - ab * ab, self._smallest_det)
         np.divide(ab * br - self._bb * ar, det, out=s)
         np.minimum(np.maximum(s, 0.0, out=s), 1.0, out=s)
         np.divide(ab * s + br, self._bb, out=t)

@@ -16,8 +16,6 @@ from nadia_balance.core.math.arrays import Array
 _TOLERANCE = 1e-10
 _INFEASIBLE = -1
 _DOUBTFUL = {_INFEASIBLE, -2, -6, 4}  # also cycles, contradicting equalities
-# Range of the cost's norm without scaling: DAQP treats values below 1e-11 as 0.
-_LEAST_SIZE, _MOST_SIZE = 1.0, 1e6
 _RESULTS = {
     1: solvers.SolutionResult.kSolutionFound,
     2: solvers.SolutionResult.kSolutionFound,
@@ -192,7 +190,11 @@ def solve_arrays(
         ValueError: a bound is NaN, a lower bound is inf or an upper bound is
             -inf, H or g is not finite.
     """
-    _check(lower, upper)
+    # argmax() and argmin() return the index of a NaN.
+    if lower.size and not lower[lower.argmax()] < math.inf:
+        raise ValueError("lower bound of the QP: must be < inf, not NaN")
+    if upper.size and not upper[upper.argmin()] > -math.inf:
+        raise ValueError("upper bound of the QP: must be > -inf, not NaN")
     x, flag = _solution(H=H, g=g, A=A, lower=lower, upper=upper)
     result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
     if result is not solvers.SolutionResult.kSolutionFound:
@@ -264,21 +266,13 @@ def _size(H: Array, g: Array) -> float:
     return math.sqrt(square) or math.sqrt(more) or 1.0
 
 
-def _check(lower: Array, upper: Array) -> None:
-    """Raises ValueError for bounds that are NaN or infeasible infinities."""
-    # argmax() and argmin() return the index of a NaN.
-    if lower.size and not lower[lower.argmax()] < math.inf:
-        raise ValueError("lower bound of the QP: must be < inf, not NaN")
-    if upper.size and not upper[upper.argmin()] > -math.inf:
-        raise ValueError("upper bound of the QP: must be > -inf, not NaN")
-
-
 def _solution(
     *, H: Array, g: Array, A: Array, lower: Array, upper: Array
 ) -> tuple[Array, int]:
     """Returns DAQP's x (n,), and its flag."""
     size = _size(H, g)
-    if not _LEAST_SIZE <= size <= _MOST_SIZE:
+    # Scaled, as DAQP treats values below 1e-11 as 0.
+    if not 1.0 <= size <= 1e6:
         H, g, size = H / size, g / size, 1.0
     if len(A):
         squares = np.einsum("ij,ij->i", A, A)

@@ -1,7 +1,5 @@
 """The linear inverted pendulum and its instantaneous capture point (ICP)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -13,6 +13,7 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 
 Point = tuple[float, float]
+Halfspaces = tuple[Array, Array]  # A (k, 2), b (k,) with A p <= b
 
 # Tolerances, far below relevant sizes and far above rounding errors:
 _FLAT = 1e-12  # a triangle of half this area [m^2] is a line
@@ -102,7 +103,7 @@ def _edges(polygon: Array) -> Iterable[tuple[Point, Point]]:
     return zip(vertices, vertices[1:] + vertices[:1], strict=True)
 
 
-def halfspaces(polygon: Array) -> tuple[Array, Array]:
+def halfspaces(polygon: Array) -> Halfspaces:
     """The half-spaces whose intersection {p : A p <= b} is the polygon.
 
     Args:
@@ -263,10 +264,9 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
     ):
         vertices = _clip(vertices, nx=nx, ny=ny, offset=offset)
     # An edge between nearly coincident vertices would have no direction.
-    previous = vertices[-1:] + vertices[:-1]
     part = [
         p
-        for p, q in zip(vertices, previous, strict=True)
+        for p, q in zip(vertices, vertices[-1:] + vertices[:-1], strict=True)
         if abs(p[0] - q[0]) + abs(p[1] - q[1]) > _COINCIDENT
     ]
     return as_array(part) if _area(part) > _FLAT else _NOTHING

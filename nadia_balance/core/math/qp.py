@@ -10,9 +10,6 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.daqp_solver import solve_arrays
 
-# A hundredth of Clarabel's default.
-_GAP_TOLERANCE = 1e-10
-
 
 class QpProblem(NamedTuple):
     """Minimise 1/2 x'Hx + g'x subject to lower <= A x <= upper."""
@@ -80,27 +77,26 @@ class DenseQp:
     def __init__(self, num_variables: int) -> None:
         # Untyped, as Drake's stubs lack NumPy's present array types.
         program: Any = MathematicalProgram()
+        self._program = program
         x = program.NewContinuousVariables(num_variables)
-        cost = program.AddQuadraticCost(
+        # Kept, because each access takes as long as an update.
+        self._cost = program.AddQuadraticCost(
             Q=np.eye(num_variables),
             b=np.zeros(num_variables),
             vars=x,
             is_convex=True,
-        )
+        ).evaluator()
         # With one row, because Drake drops a constraint without rows.
-        limits = program.AddLinearConstraint(
+        self._limits = program.AddLinearConstraint(
             A=np.zeros((1, num_variables)),
             lb=np.zeros(1),
             ub=np.zeros(1),
             vars=x,
-        )
-        self._program = program
-        # Kept, because each access takes as long as an update.
-        self._cost = cost.evaluator()
-        self._limits = limits.evaluator()
+        ).evaluator()
         self._options = solvers.SolverOptions()
+        # A hundredth of Clarabel's default.
         for name in ("tol_gap_abs", "tol_gap_rel"):
-            self._options.SetOption(ClarabelSolver.id(), name, _GAP_TOLERANCE)
+            self._options.SetOption(ClarabelSolver.id(), name, 1e-10)
 
     def solve(self, problem: QpProblem) -> QpResult:
         """Solves one problem.
@@ -128,7 +124,10 @@ class DenseQp:
             return QpResult(x, True, violation=problem.violation(x))
         if result is solvers.SolutionResult.kInfeasibleConstraints:
             return QpResult(x, False)
-        self._fill(problem)
+        self._cost.UpdateCoefficients(
+            new_Q=problem.H.T, new_b=problem.g, new_c=0.0, is_convex=True
+        )
+        self._limits.UpdateCoefficients(problem.A, problem.lower, problem.upper)
         second = ClarabelSolver().Solve(self._program, None, self._options)
         if not second.is_success():
             return QpResult(x, False, solves=2, fallback=True)
@@ -140,12 +139,6 @@ class DenseQp:
             fallback=True,
             violation=problem.violation(x),
         )
-
-    def _fill(self, problem: QpProblem) -> None:
-        self._cost.UpdateCoefficients(
-            new_Q=problem.H.T, new_b=problem.g, new_c=0.0, is_convex=True
-        )
-        self._limits.UpdateCoefficients(problem.A, problem.lower, problem.upper)
 
 
 def largest_first(A: Array, b: Array) -> Array | None:

@@ -121,9 +121,7 @@ class FootPose(Immutable):
     def rotation(self) -> Array:
         """R_WF restricted to the plane, shape (2, 2)."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        matrix = np.array([[c, -s], [s, c]])
-        matrix.flags.writeable = False
-        return matrix
+        return read_only([[c, -s], [s, c]], (2, 2))
 
     def to_world(self, points_F: Array) -> Array:
         """p_W = p_WF + R_WF p_F.
@@ -170,8 +168,10 @@ class FootPose(Immutable):
         Returns:
             The frame at the same height.
         """
-        xy = self.to_world(np.array([[x, y]]))[0]
-        return FootPose(np.append(xy, self.p_WF[2]), self.yaw + yaw)
+        return FootPose(
+            np.append(self.to_world(np.array([[x, y]]))[0], self.p_WF[2]),
+            self.yaw + yaw,
+        )
 
 
 ORIGIN = FootPose()
