@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import convex_hull
+from nadia_balance.core.math.polygon import convex_hull, intersection
 from nadia_balance.core.walking.state import FootPose, Side
 from nadia_balance.parameters.bounds import bounded, parameters
 
@@ -242,6 +242,21 @@ def in_world(region: Array, stance: FootPose, swing: Side) -> Array:
     if swing is Side.RIGHT:  # mirrored, and again counter-clockwise
         region = region[::-1] * [1.0, -1.0]
     return stance.to_world(region)
+
+
+def distance_between(polygon: Array, other: Array) -> float:
+    """The distance |p - q| of the closest points of two convex polygons.
+
+    Args:
+        polygon: vertices (n, 2) [m].
+        other: vertices (k, 2) [m].
+
+    Returns:
+        The distance [m]; 0 if they share an area.
+    """
+    if len(intersection(polygon, other)):
+        return 0.0
+    return closest_point(polygon, other)[1]
 
 
 def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:

@@ -298,9 +298,9 @@ def _segments(
     `solve_segments`.  `start` (k,) is the ICP at the begin of the first shift;
     None: on the trajectory to its corner point.
     """
-    icps = corner_points([shift.corner for shift in shifts], points, omega)
     still, t = np.zeros((2, points.shape[1])), 0.0
     segments = []
+    icps = corner_points([shift.corner for shift in shifts], points, omega)
     for i, (shift, icp_c) in enumerate(zip(shifts, icps, strict=True)):
         before, after = points[i], points[i + 1]
         segments.append((shift.begin - t, [before, before], still))

@@ -137,8 +137,9 @@ class CopWaypoints:
     @property
     def knots(self) -> Array:
         """Times (N + 1,) [s] of the points since the phase began."""
-        times = np.cumsum(np.append(0.0, self.durations))
-        return np.asarray(self.start_time + times)
+        return np.asarray(
+            self.start_time + np.cumsum(np.append(0.0, self.durations))
+        )
 
 
 def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
@@ -158,8 +159,7 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
     Raises:
         ValueError: a swing without a footstep.
     """
-    number = stance.params.num_previewed_steps
-    steps, final_transfer = schedule.preview(number)
+    steps, final_transfer = schedule.preview(stance.params.num_previewed_steps)
     feet = schedule.feet
     phases = []
     for i, step in enumerate(steps):
@@ -179,11 +179,13 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
         int(np.searchsorted(ends, schedule.start_time, side="right")),
         len(phases[0].shares) - 1,
     )
-    remaining = max(ends[passed] - schedule.start_time, _MIN_DURATION)
     points = [point for phase in phases for point in phase.points]
     return CopWaypoints(
         points=np.array([schedule.start.cop, *points[passed:], points[-1]]),
-        durations=np.append(remaining, durations[passed + 1 :]),
+        durations=np.append(
+            max(ends[passed] - schedule.start_time, _MIN_DURATION),
+            durations[passed + 1 :],
+        ),
         start_time=schedule.start_time,
         supports=[
             support for phase in phases[:2] for support in phase.supports
@@ -274,8 +276,8 @@ class Stance:
             Two segments, of which the first has a support.
         """
         left = feet.left.to_world(self.centroid)
-        right = feet.right.to_world(self.centroid)
-        mid, split = 0.5 * (left + right), self.params.transfer_split
+        mid = 0.5 * (left + feet.right.to_world(self.centroid))
+        split = self.params.transfer_split
         return _Phase(
             points=[mid, mid],
             shares=[split, 1.0 - split],

@@ -17,6 +17,7 @@ from nadia_balance.core.body.reachability import (
     BASE,
     base_region,
     closest_point,
+    distance_between,
     in_world,
 )
 from nadia_balance.core.math.arrays import Array
@@ -326,41 +327,40 @@ class FootstepPlan:
         schedule, calm_error = state.schedule, self.params.calm_error
         error = math.dist(icp, reference)
         moves = _moves(self.after_step(velocity, command))
-
-        def recovery(*sides: Side) -> tuple[Footstep, ...]:
-            return self.recovery(
-                sides, schedule=schedule, feet=feet, icp=icp, on=on
-            )
-
-        def queue(
-            side: Side, first_transfer: float | None
-        ) -> tuple[Footstep, ...]:
-            return self.queue(
-                side,
-                stance=feet[side.other],
-                velocity=velocity,
-                command=command,
-                first_transfer=first_transfer,
-            )
-
         if schedule.phase is Phase.SWING:
             side, caught = schedule.support_side, self.was_caught(state)
             # A push has priority over the command.
             if moves and error < 2.0 * calm_error:
-                if not caught:
-                    return queue(side, None)
-                return queue(side, self.shift(icp, side, feet))
+                return self.queue(
+                    side,
+                    stance=feet[side.other],
+                    velocity=velocity,
+                    command=command,
+                    first_transfer=(
+                        self.shift(icp, side, feet) if caught else None
+                    ),
+                )
             if on.step and self.leaves(feet, icp):
-                return recovery(side)
+                return self.recovery(
+                    (side,), schedule=schedule, feet=feet, icp=icp, on=on
+                )
             if error < calm_error and not caught:
                 return self.squaring(side, feet, closes=True)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
             return self.squaring(side, feet, icp, reactive=True)
         if on.step and self.leaves(feet, icp):
-            return recovery(*Side)
+            return self.recovery(
+                tuple(Side), schedule=schedule, feet=feet, icp=icp, on=on
+            )
         if moves:
             side = self.first_side(schedule, command)
-            return queue(side, self.params.initial_transfer_duration)
+            return self.queue(
+                side,
+                stance=feet[side.other],
+                velocity=velocity,
+                command=command,
+                first_transfer=self.params.initial_transfer_duration,
+            )
         if schedule.phase is Phase.STANDING and error < 0.5 * calm_error:
             return self.squaring(schedule.support_side.other, feet)
         return ()
@@ -398,8 +398,7 @@ class FootstepPlan:
             The velocity (3,) at the next landing.
         """
         p = self.params
-        time = p.swing_duration + p.transfer_duration
-        change = time * np.array(
+        change = (p.swing_duration + p.transfer_duration) * np.array(
             [p.acceleration, p.acceleration, p.yaw_acceleration]
         )
         return velocity + np.clip(command - velocity, -change, change)
@@ -429,8 +428,9 @@ class FootstepPlan:
             for side in sides
         }
         # Two equal feet: the one with less weight by the plan.
-        loaded = schedule.support_side
-        side = min(sides, key=lambda s: (captures[s].cost, s is loaded))
+        side = min(
+            sides, key=lambda s: (captures[s].cost, s is schedule.support_side)
+        )
         return self.caught(side, feet[side.other])[: captures[side].steps]
 
     def revised(
@@ -453,8 +453,9 @@ class FootstepPlan:
         if not steps or state.mode is Mode.RECOVERING:
             return None
         swings = schedule.phase is Phase.SWING
-        revisable = self.params.revised_share * schedule.duration
-        if swings and state.time_in_phase > revisable:
+        if swings and (
+            state.time_in_phase > self.params.revised_share * schedule.duration
+        ):
             return None
         side, stance = steps[0].side, schedule.feet[steps[0].side.other]
         if _moves(self.after_step(velocity, command)):
@@ -492,9 +493,9 @@ class FootstepPlan:
         Returns:
             False up to `held_outside` of the hull of both soles.
         """
-        sole = self.model.cop_area
-        soles = np.concatenate([feet[side].to_world(sole) for side in Side])
-        return not contains(icp, convex_hull(soles), self.params.held_outside)
+        corners = [feet[side].to_world(self.model.cop_area) for side in Side]
+        both = convex_hull(np.concatenate(corners))
+        return not contains(icp, both, self.params.held_outside)
 
     def first_side(self, schedule: ContactSchedule, command: Array) -> Side:
         """Chooses the foot that begins a walk: the one that leads.
@@ -522,8 +523,11 @@ class FootstepPlan:
         Returns:
             The pose in W, at the nearest foothold; None: no ground.
         """
-        pose = stance.displaced(0.0, side.sign * self.model.step_width)
-        return self._placed(pose, stance, side)
+        return self._placed(
+            stance.displaced(0.0, side.sign * self.model.step_width),
+            stance,
+            side,
+        )
 
     def squaring(
         self,
@@ -596,13 +600,12 @@ class FootstepPlan:
 
     def _is_square(self, foot: FootPose, pose: FootPose) -> bool:
         """True if the `foot` is so close to its `pose` that it may stand."""
-        p = self.params
         x, y = pose.to_sole(foot.p_WF[:2]).tolist()
         turn = math.remainder(foot.yaw - pose.yaw, math.tau)
         return (
-            abs(x) < p.square_length
-            and abs(y) < p.square_width
-            and abs(turn) < math.radians(p.square_yaw_deg)
+            abs(x) < self.params.square_length
+            and abs(y) < self.params.square_width
+            and abs(turn) < math.radians(self.params.square_yaw_deg)
         )
 
     def queue(
@@ -643,8 +646,9 @@ class FootstepPlan:
             closer = math.copysign(min(abs(y), room), y)
             aside = 2.0 * y - closer if side.sign * y > 0.0 else closer
             frame = frame.displaced(x, aside, turn)
-            pose = frame.displaced(0.0, side.sign * half)
-            placed = self._placed(pose, stance, side)
+            placed = self._placed(
+                frame.displaced(0.0, side.sign * half), stance, side
+            )
             if placed is None:
                 break
             steps.append(Footstep(side, placed, before, swing))
@@ -762,12 +766,8 @@ class FootstepPlan:
         transfer = self.params.recovery_transfer_duration
         soonest = transfer + self.min_swing_duration
 
-        def one_step_region(time: float) -> Array:
-            return geometry.one_step_region(
-                icp, (time, time + self.adjuster.waiting_time)
-            )
-
-        first = one_step_region(soonest)
+        waiting_time = self.adjuster.waiting_time
+        first = geometry.one_step_region(icp, (soonest, soonest + waiting_time))
         for number, offsets in enumerate(geometry.offsets, start=1):
             region = capture_region(first, offsets)
             for place in geometry.places:
@@ -777,8 +777,13 @@ class FootstepPlan:
                     stance=geometry.stance,
                     swing=geometry.swing,
                 )
-                later = one_step_region(max(soonest, transfer + time))
-                gap = _gap(place.polygon, capture_region(later, offsets))
+                touchdown = max(soonest, transfer + time)
+                later = geometry.one_step_region(
+                    icp, (touchdown, touchdown + waiting_time)
+                )
+                gap = distance_between(
+                    place.polygon, capture_region(later, offsets)
+                )
                 yield Capture(
                     steps=number if gap == 0.0 else len(geometry.offsets) + 1,
                     gap=round(gap, 3),
@@ -793,10 +798,3 @@ def _nearest(start: Array, reach: Array, region: Array) -> Array:
     if len(common):
         return project(start, common)
     return closest_point(reach, region)[0]
-
-
-def _gap(reach: Array, region: Array) -> float:
-    """Returns the distance [m] of two polygons; 0 if they share an area."""
-    if len(intersection(reach, region)):
-        return 0.0
-    return closest_point(reach, region)[1]

@@ -48,7 +48,6 @@ _NEXT = 3  # steps that are brought within reach
 # back: at the gait's pace, the ankle of the other foot would else meet its
 # limit [-].
 _RETURN = np.array([0.5, 0.7])
-_WHOLE = np.ones(2)
 
 
 @parameters
@@ -312,13 +311,13 @@ def remaining_footsteps(
     Returns:
         The footsteps, see `within_reach`.
     """
+    phase = state.schedule.phase
+    if phase is Phase.STANDING and state.remaining_time > 1.5 * period:
+        return ()
     taken, landed = state.steps_taken, None
-    if state.schedule.phase is Phase.SWING:
+    if phase is Phase.SWING:
         landed = plan[taken]
         taken += 1
-    stands = state.schedule.phase is Phase.STANDING
-    if stands and state.remaining_time > 1.5 * period:
-        return ()
     return within_reach(
         plan[taken:],
         feet,
@@ -368,7 +367,7 @@ def within_reach(
             command,
             stance,
             origin=previous.pose if returns and previous else stance,
-            share=_RETURN if returns else _WHOLE,
+            share=_RETURN if returns else np.ones(2),
             reach=reach,
             ground=ground,
         )
@@ -401,36 +400,29 @@ def _reachable(
         and reach.in_base_region(*_scaled(p_F, meant, 1.0 / share))
     ):
         return command
-    region = _share_of_region(reach, meant, share)
+    base = base_region(reach)
+    region = intersection(convex_hull(_scaled(base, meant, share)), base)
+    if not len(region):
+        region = base
     xy = stance.to_world((mirror * project(p_F, region))[None])[0]
-    pose = replace(command.pose, p_WF=np.append(xy, p_WF[2]))
-    step = replace(command, pose=pose)
+    step = replace(
+        command, pose=replace(command.pose, p_WF=np.append(xy, p_WF[2]))
+    )
     if ground is None:
         return step
     moved = moved_to(
         ground,
         step,
-        within=[
-            in_world(part, stance, step.side)
-            for part in (region, base_region(reach))
-        ],
+        within=[in_world(part, stance, step.side) for part in (region, base)],
         height=float(stance.p_WF[2]),
         rise=reach.rise_max,
     )
     return moved or step
 
 
-def _share_of_region(
-    reach: ReachabilityParams, meant: Array, share: Array
-) -> Array:
-    """Returns the scaled part (n, 2) [m] of the base region; if empty, all."""
-    region = base_region(reach)
-    part = intersection(convex_hull(_scaled(region, meant, share)), region)
-    return part if len(part) else region
-
-
 def _scaled(points: Array, meant: Array, share: Array) -> Array:
     """Returns footholds (..., 2), scaled about `meant`, but not inward."""
     offsets = points - meant
-    factors = np.where(offsets < [-math.inf, 0.0], 1.0, share)
-    return np.asarray(meant + factors * offsets)
+    return np.asarray(
+        meant + np.where(offsets < [-math.inf, 0.0], 1.0, share) * offsets
+    )

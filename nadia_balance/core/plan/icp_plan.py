@@ -339,8 +339,7 @@ def _planned_icp(
 ) -> Array:
     """Returns the ICP (2,) [m] at `t` [s] that leads through `schedule`."""
     path = cop_waypoints(schedule, stance)
-    multipliers = recursive_multipliers(path.knots, t, omega)
-    return np.asarray(multipliers @ path.points)
+    return np.asarray(recursive_multipliers(path.knots, t, omega) @ path.points)
 
 
 def plan_icp(
@@ -373,19 +372,18 @@ def plan_icp(
     stance = stance or Stance(params, model.cop_area)
     path = cop_waypoints(schedule, stance)
     ecmp, offset = _bent(path, icp(start.com, start.com_velocity, omega), omega)
-    coefficients = solve_segments(
-        path.durations,
-        ecmp=np.stack([ecmp[:-1], ecmp[1:]]),
-        com_start=start.com,
-        icp_end=ecmp[-1],
-        omega=omega,
-    )
     return IcpPlan(
         omega=omega,
         duration=schedule.duration,
         knots=path.knots,
         cop_waypoints=path.points,
-        coefficients=coefficients,
+        coefficients=solve_segments(
+            path.durations,
+            ecmp=np.stack([ecmp[:-1], ecmp[1:]]),
+            com_start=start.com,
+            icp_end=ecmp[-1],
+            omega=omega,
+        ),
         offset=offset,
         stance=stance,
     )

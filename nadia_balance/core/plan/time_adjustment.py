@@ -156,9 +156,6 @@ class TimeAdjustment(NamedTuple):
     in_all: float  # in total, predicted for this tick and the next ones
 
 
-NO_ADJUSTMENT = TimeAdjustment(0.0, 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Timing:
     """The timing adaptation of a robot.
@@ -199,14 +196,14 @@ class Timing:
             The time by which to advance the clock.
         """
         if state.waiting or not state.schedule.footsteps:
-            return NO_ADJUSTMENT
+            return TimeAdjustment(now=0.0, in_all=0.0)
         params, swings = self.params, state.schedule.phase is Phase.SWING
         if swings and on.swing:
             time_constant = params.swing_time_constant
         elif state.schedule.phase is Phase.TRANSFER and on.transfer:
             time_constant = params.transfer_time_constant
         else:
-            return NO_ADJUSTMENT
+            return TimeAdjustment(now=0.0, in_all=0.0)
         error = icp - plan.at(state.time_in_phase).icp
         hurried = math.hypot(*error) >= params.icp_error_threshold
         least = params.min_transfer_duration - state.elapsed
@@ -218,7 +215,7 @@ class Timing:
             least = self.least_remaining_time(state, foot, error)
         available = state.remaining_time - max(least, 0.0)
         if not hurried or available <= 0.0:
-            return NO_ADJUSTMENT
+            return TimeAdjustment(now=0.0, in_all=0.0)
         return self._advance(
             state, plan, icp, available=available, time_constant=time_constant
         )
@@ -265,21 +262,24 @@ class Timing:
             of the foothold as it is if the foot cannot reach the moved one
             within the remaining time.
         """
-        step, detour = state.schedule.footsteps[0], self.model.detour
         least = max(
             self.params.least_rest_of_swing(
                 state.schedule.duration, state.elapsed
             ),
             self._time_to_foothold(state, foot),
         )
-        nominal = state.adjustment.nominal if state.adjustment else step
+        nominal = (
+            state.adjustment.nominal
+            if state.adjustment
+            else state.schedule.footsteps[0]
+        )
         x, y = nominal.pose.p_WF[:2] - foot.p_WF[:2]
         room = max(state.remaining_time - least, 0.0)
         for i in range(_TIMES_TRIED):
             t = least + i / _TIMES_TRIED * room
             growth = math.exp(self.model.omega * t)
             length = math.hypot(x + growth * error[0], y + growth * error[1])
-            if detour.time_from_rest(length) <= t:
+            if self.model.detour.time_from_rest(length) <= t:
                 return t
         return least
 
@@ -320,10 +320,9 @@ class Timing:
         side, goal = schedule.support_side, schedule.footsteps[0].pose.p_WF
         brink = min(foot.p_WF[2], schedule.feet[side.other].p_WF[2])
         descent = float(brink - goal[2]) / detour.max_descent
-        time = detour.time_of_way(
+        return detour.time_of_way(
             foot.p_WF[:2],
             goal=goal[:2],
             stance=schedule.feet[side],
             swing=side.other,
-        )
-        return time + max(descent - detour.settling, 0.0)
+        ) + max(descent - detour.settling, 0.0)

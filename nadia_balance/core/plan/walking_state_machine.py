@@ -310,11 +310,13 @@ class StateMachine:
         length = math.hypot(*error)
         support = support_polygon(schedule, self.model.cop_area)
         room = float(np.max((support - icp) @ (error / length)))
-        left, right = schedule.feet.left.p_WF, schedule.feet.right.p_WF
         if (
             room >= params.held_room
             and waited < params.max_held_wait
-            and math.dist(left[:2], right[:2]) <= params.held_stance
+            and math.dist(
+                schedule.feet.left.p_WF[:2], schedule.feet.right.p_WF[:2]
+            )
+            <= params.held_stance
         ):
             return False
         room += params.ecmp_outside
@@ -333,11 +335,10 @@ class StateMachine:
         steps = list(schedule.footsteps)
         if adjustment is None or not steps or schedule.phase is Phase.STANDING:
             return state
-        moved = False
         for i, new in enumerate((adjustment, *adjustment.later)):
             if new.pose != steps[i].pose:
-                steps[i], moved = replace(steps[i], pose=new.pose), True
-        if moved:
+                steps[i] = replace(steps[i], pose=new.pose)
+        if tuple(steps) != schedule.footsteps:
             schedule = plan.moved(
                 schedule,
                 tuple(steps),
@@ -409,15 +410,17 @@ def _end_transfer(
 ) -> WalkingState:
     """Lifts the foot, or comes to rest if there are no more steps."""
     steps = state.schedule.footsteps
-    begun = _begin(
-        state,
-        plan,
-        _tilted(feet, state.schedule.feet),
-        phase=Phase.SWING if steps else Phase.STANDING,
-        duration=steps[0].swing_duration if steps else math.inf,
-    )
     # Footholds that were adjusted in the transfer are kept.
-    return replace(begun, adjustment=state.adjustment)
+    return replace(
+        _begin(
+            state,
+            plan,
+            _tilted(feet, state.schedule.feet),
+            phase=Phase.SWING if steps else Phase.STANDING,
+            duration=steps[0].swing_duration if steps else math.inf,
+        ),
+        adjustment=state.adjustment,
+    )
 
 
 def _tilted(feet: FootPoses, planned: FootPoses) -> FootPoses:

@@ -455,8 +455,14 @@ def geometry_key(
         the step in the air is not in it, as it may be adjusted.
     """
     step, *later = schedule.footsteps
-    stance = schedule.feet[schedule.support_side]
-    return (on.cross_over, on.swing, stance, step.side, step.pose.yaw, *later)
+    return (
+        on.cross_over,
+        on.swing,
+        schedule.feet[schedule.support_side],
+        step.side,
+        step.pose.yaw,
+        *later,
+    )
 
 
 def _offsets(
@@ -471,16 +477,19 @@ def _offsets(
     it.  Later steps take `share` of their planned durations.
     """
     total = total_region(model.reach, on.cross_over)
-    reaches = [
-        in_world(total, FootPose(yaw=step.pose.yaw), following.side)
-        for step, following in itertools.pairwise(steps)
-    ]
     rate = -share * model.omega
-    contractions = [
-        math.exp(rate * (step.transfer_duration + step.swing_duration))
-        for step in steps[1:]
-    ]
-    return tuple(later_steps(reaches, contractions))
+    return tuple(
+        later_steps(
+            reaches=[
+                in_world(total, FootPose(yaw=step.pose.yaw), following.side)
+                for step, following in itertools.pairwise(steps)
+            ],
+            contractions=[
+                math.exp(rate * (step.transfer_duration + step.swing_duration))
+                for step in steps[1:]
+            ],
+        )
+    )
 
 
 def _stance_foot(
@@ -491,8 +500,7 @@ def _stance_foot(
     These are the sides of the Minkowski sum of the stance sole and the
     reflected swing sole, without the outer one: the swing foot cannot reach it.
     """
-    swing = FootPose(yaw=step.pose.yaw)
-    reflected = convex_hull(-swing.to_world(sole))
+    reflected = convex_hull(-FootPose(yaw=step.pose.yaw).to_world(sole))
     A, b = halfspaces(
         minkowski_sum(convex_hull(stance.to_world(sole)), reflected)
     )

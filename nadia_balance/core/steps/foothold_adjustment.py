@@ -14,7 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.body.reachability import BASE, closest_point
+from nadia_balance.core.body.reachability import (
+    BASE,
+    closest_point,
+    distance_between,
+)
 from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
@@ -35,7 +39,7 @@ from nadia_balance.core.walking.state import (
     number_of_ticks,
 )
 
-_BISECTION = tuple(0.5**i for i in range(1, 6))  # to 1/32 of the way [-]
+_BISECTION = (0.5, 0.25, 0.125, 0.0625, 0.03125)  # shares of the way [-]
 _HALVINGS = 4  # bisection steps for a feasible margin, to 1/16 [-]
 _KEPT = 0.5  # share of the margin that suffices on the previous ground [-]
 
@@ -156,8 +160,9 @@ class Landing(Immutable):
         soonest = self.time_to(goal)
         if under_way:
             soonest *= UNDER_WAY
-        one_step = self._one_step_from(max(soonest, least))
-        return capture_region(one_step, self.geometry.offsets[-1])
+        return capture_region(
+            self._one_step_from(max(soonest, least)), self.geometry.offsets[-1]
+        )
 
     def missed(self, adjustment: Adjustment) -> float:
         """Distance of a foothold from C_N if later steps hurry.
@@ -426,9 +431,7 @@ def _closest(
         captures = landing.on_arrival(
             place.polygon, params.least_time_to_land, is_last
         )
-        gap = 0.0
-        if not len(polygon.intersection(place.polygon, captures)):
-            _, gap = closest_point(place.polygon, captures)
+        gap = distance_between(place.polygon, captures)
         return gap - is_last * params.rules.distance_hysteresis
 
     options = [goal.place for goal in places if goal.place.reach in reaches]
@@ -452,10 +455,11 @@ def _foothold(
     free = goal.part
     if len(free) == 1:  # the point closest to the capture region
         start, free = target, goal.place.polygon
-    points = [
-        polygon.project(start, part) for part in geometry.free_parts(free)
-    ]
-    return min(points, key=lambda p: math.dist(p, start), default=None)
+    return min(
+        [polygon.project(start, part) for part in geometry.free_parts(free)],
+        key=lambda p: math.dist(p, start),
+        default=None,
+    )
 
 
 def in_time(

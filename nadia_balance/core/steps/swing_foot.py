@@ -272,8 +272,7 @@ class SwingFoot:
         """
         end = np.zeros((3, 2))
         end[0] = path[-1]
-        detour = self.model.detour
-        needed = detour.shortest_time(path, start[1])
+        needed = self.model.detour.shortest_time(path, start[1])
         left = max(left, needed)
         for _ in range(_STRETCHES):
             aim, t = end, 0.0
@@ -287,7 +286,7 @@ class SwingFoot:
             late = np.maximum(times - t, 0.0)
             a -= 20.0 * (aim[0] - end[0]) * late**3 / (left - t) ** 5
             largest = np.max(np.hypot(a[:, 0], a[:, 1]))
-            if largest <= PEAK * detour.max_acceleration:
+            if largest <= PEAK * self.model.detour.max_acceleration:
                 break
             left *= _STRETCH
         return aim, left
@@ -305,11 +304,11 @@ class SwingFoot:
     ) -> Array | None:
         """Returns the apex (1,) [m]; None if a foot at `z` [m] is above it."""
         schedule = state.schedule
-        lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
         height = self.params.height
         if schedule.legs_crossed:
             height = min(height, self.params.uncrossing_height)
         height *= min(1.0, (left / self.params.fall_time) ** 2)
+        lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
         apex = max(lift_off, ground) + height
         return np.array([apex]) if z < apex else None
 
@@ -452,8 +451,9 @@ def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end
     missed = np.zeros_like(t)
-    columns = zip(start.T.tolist(), end.T.tolist(), via.tolist(), strict=True)
-    for begin, finish, point in columns:
+    for begin, finish, point in zip(
+        start.T.tolist(), end.T.tolist(), via.tolist(), strict=True
+    ):
         position, _, _ = _follow(begin, finish, h=horizon, t=t)
         missed += (point - position) * (point - position)
     flat = t * before_end
