@@ -89,11 +89,10 @@ def leg_reach(
     hip = params.min_height_ratio * com_height - above_ankle
     longest = params.max_stretch * legs.length
     if not 0.0 < hip < longest:
-        low = above_ankle / params.min_height_ratio
-        high = (above_ankle + longest) / params.min_height_ratio
         raise ValueError(
             f"com_height = {com_height:g}: must leave the legs bent in a "
-            f"crouch: in ({low:.3f}, {high:.3f}) m"
+            f"crouch: in ({above_ankle / params.min_height_ratio:.3f}, "
+            f"{(above_ankle + longest) / params.min_height_ratio:.3f}) m"
         )
     length = 2.0 * math.sqrt(longest**2 - hip**2)
     return length, legs.hip_width + min(2.0 * hip * math.tan(lean), length)

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -88,12 +88,6 @@ class Region:
         return np.array(self.normal) / math.hypot(*self.normal)
 
     @property
-    def slope(self) -> float:
-        """The slope: tangent of the tilt [-]."""
-        x, y, z = self.normal
-        return math.hypot(x, y) / z
-
-    @property
     def is_level(self) -> bool:
         """True if the normal is vertical."""
         return bool(self.unit_normal[2] == 1.0)
@@ -161,6 +155,9 @@ class Ground(Immutable):
     regions: tuple[Region, ...]
     sole: Array
     margin: float = 0.02  # [m]
+    _footholds_by_yaw: dict[float, tuple[Array, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         if not self.regions:
@@ -175,10 +172,6 @@ class Ground(Immutable):
             region.obstacle or (region.height == 0.0 and region.is_level)
             for region in self.regions
         )
-
-    @cached_property
-    def _footholds_by_yaw(self) -> dict[float, tuple[Array, ...]]:
-        return {}
 
     def footholds(self, yaw: float) -> tuple[Array, ...]:
         """The footholds of all regions.
@@ -282,9 +275,11 @@ class Ground(Immutable):
         region = self.region_under(foot)
         if region is None:
             return foot
-        p_WF = np.append(point, region.heights(point[None]))
-        normal = UPRIGHT if region.is_level else region.unit_normal
-        return FootPose(p_WF, yaw, normal)
+        return FootPose(
+            p_WF=np.append(point, region.heights(point[None])),
+            yaw=yaw,
+            normal=UPRIGHT if region.is_level else region.unit_normal,
+        )
 
 
 def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
@@ -301,8 +296,10 @@ def standing_on(ground: Ground, feet: FootPoses) -> FootPoses:
         ValueError: a foot is not on a single region.
     """
     for side in Side:
-        pose = _on_region(ground, feet[side], f"{side.value} foot at the start")
-        feet = feet.with_foot(side, pose)
+        feet = feet.with_foot(
+            side,
+            _on_region(ground, feet[side], f"{side.value} foot at the start"),
+        )
     return feet
 
 
@@ -478,12 +475,14 @@ def check_friction(ground: Ground, friction: float) -> None:
         ValueError: a region is too steep.
     """
     for region in ground.regions:
-        if not region.obstacle and region.slope >= friction:
+        x, y, z = region.normal
+        slope = math.hypot(x, y) / z
+        if not region.obstacle and slope >= friction:
             raise ValueError(
                 f"region {region.name!r}: must be tilted by less than "
                 f"{math.degrees(math.atan(friction)):.1f} deg, as friction is "
                 f"{friction:g}, but is by "
-                f"{math.degrees(math.atan(region.slope)):.1f} deg"
+                f"{math.degrees(math.atan(slope)):.1f} deg"
             )
 
 

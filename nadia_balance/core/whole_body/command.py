@@ -236,14 +236,13 @@ def sinking(
     Returns:
         The velocities of the (left, right) sole [m/s].
     """
-    schedule = state.schedule
     if (
-        schedule.phase is not Phase.TRANSFER
+        state.schedule.phase is not Phase.TRANSFER
         or state.steps_taken == 0
         or state.contact_time > 0.0
     ):
         return 0.0, 0.0
-    if schedule.support_side is Side.LEFT:
+    if state.schedule.support_side is Side.LEFT:
         return params.sinking_velocity, 0.0
     return 0.0, params.sinking_velocity
 

@@ -88,7 +88,7 @@ class WholeBodyLimits:
         self, params: WholeBodyQpParams, model: WholeBodyModel, period: float
     ) -> None:
         n = model.num_joints
-        self._params, self._mass = params, model.mass
+        self._params, self._model = params, model
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._trunk_rows = slice(2 * n, 2 * n + 2)
         self._joints, self.num_soft = np.eye(n), n + 2
@@ -103,13 +103,11 @@ class WholeBodyLimits:
             )
         self._usual_cone = self._cone(params.friction)
         # The first axis of all bounds is (lower, upper).
-        self._least_force = params.min_normal_force / model.mass
         self._wrench = np.zeros((2, _FOOT_ROWS))
         self._wrench[0] = -np.inf
-        self._wrench[0, -1] = self._least_force
+        self._wrench[0, -1] = params.min_normal_force / model.mass
         self._torques: Array = model.max_torque / model.mass * _SIGNS
         self._positions = np.stack((model.position_lower, model.position_upper))
-        self._max_speed, self._drives = model.max_speed, model.drives
         self._speeds = params.max_speed_ratio * model.max_speed * _SIGNS
         if model.drives is not None:
             ticks = model.drives.max_torque_rate * period
@@ -153,8 +151,9 @@ class WholeBodyLimits:
         bounds[:, self._joint_rows] = self._braking(terms)
         nv = terms.v.size
         C[self._joint_rows, 6:nv] = self._joints
-        tilt_rows, bounds[0, self._trunk_rows] = self._upright(terms)
-        C[self._trunk_rows, :nv] = tilt_rows
+        C[self._trunk_rows, :nv], bounds[0, self._trunk_rows] = self._upright(
+            terms
+        )
         bounds[1, self._trunk_rows] = np.inf
         cone = self._usual_cone
         if command.friction != self._params.friction:
@@ -167,14 +166,13 @@ class WholeBodyLimits:
                 C[rows, column : column + 6] = (cone @ R_FW).reshape(-1, 6)
                 bounds[:, rows] = self._wrench
                 bounds[1, rows.stop - 1] = max(
-                    command.max_normal_forces[side] / self._mass,
-                    self._least_force,
+                    command.max_normal_forces[side] / self._model.mass,
+                    self._wrench[0, -1],
                 )
                 row, column = rows.stop, column + 6
         if row < len(C) and terms.avoidance:
-            limits = terms.avoidance.limits
-            C[row:, :nv] = limits[:, :-1]
-            bounds[0, row:] = -limits[:, -1]
+            C[row:, :nv] = terms.avoidance.limits[:, :-1]
+            bounds[0, row:] = -terms.avoidance.limits[:, -1]
             bounds[1, row:] = np.inf
 
     def torque_bounds(
@@ -194,19 +192,19 @@ class WholeBodyLimits:
         Returns:
             The bounds (2, nj) [m^2/s^2].
         """
-        if self._drives is None:
+        if self._model.drives is None:
             return self._torques
         bounds = torque_limits(
             speed=speed,
             max_torque=self._torques[1],
-            max_speed=self._max_speed,
-            corner_speed=self._drives.corner_speed,
+            max_speed=self._model.max_speed,
+            corner_speed=self._model.drives.corner_speed,
         )
         if last is None or math.isinf(haste):
             return bounds
         lower, upper = bounds
         near = (
-            np.minimum(np.maximum(last / self._mass, lower), upper)
+            np.minimum(np.maximum(last / self._model.mass, lower), upper)
             + haste * self._torque_steps
         )
         return np.asarray(np.minimum(np.maximum(near, lower), upper))

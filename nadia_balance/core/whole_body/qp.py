@@ -143,8 +143,10 @@ class WholeBodyQp:
                     break
         nv, mass = terms.v.size, self._model.mass
         x = qp.x[:num_variables]
-        torque_rows = problem.A[first:][self._limits.torque_rows]
-        torques = torque_rows @ x + terms.forces[6:, -1]
+        torques = (
+            problem.A[first:][self._limits.torque_rows] @ x
+            + terms.forces[6:, -1]
+        )
         wrenches = np.zeros(12)
         wrenches[_CARRYING[command.contacts]] = mass * x[nv:]
         return WholeBodySolution(
@@ -268,8 +270,9 @@ class WholeBodyQp:
         nx, ny, nz = command.normals.T
         for side, speed in enumerate(command.sinking):
             if speed:
-                down = params.stance_damping * speed * command.normals[side]
-                rest[SOLES[side]][3:] -= down
+                rest[SOLES[side]][3:] -= (
+                    params.stance_damping * speed * command.normals[side]
+                )
         rest[0::6] += y * nz - z * ny
         rest[1::6] -= x * nz - z * nx
         rest[2::6] += x * ny - y * nx

@@ -19,8 +19,6 @@ from nadia_balance.core.whole_body.command import (
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 
-_FORCE = slice(3, 6)  # columns of the base's rows
-
 
 class Motion(NamedTuple):
     """The task J vdot + b = a, of n rows.
@@ -107,7 +105,7 @@ class MomentumTask:
         selection, base = self._selection.copy(), terms.rows[BASE]
         # The moment about the CoM: minus the lever arm times the force.  The
         # arm is in M, since the base's velocity is expressed in W.
-        selection[3:, _FORCE] = -base[:3, 3:6]
+        selection[3:, 3:6] = -base[:3, 3:6]
         selection[:2, -1] -= command.momentum_rate[:2] / (self._mass * GRAVITY)
         acceleration = np.zeros(6)
         # The force also carries the weight, which is no rate of momentum.
@@ -158,11 +156,13 @@ class TrunkTask:
             turn, turndot, turnddot = command.turn
             yaw, yawdot = yaw + turn, yawdot + turndot
             yawddot += turnddot
-        error = rotation_error(yaw, terms.rotations[self._body])
-        velocity = np.array((0.0, 0.0, yawdot)) - terms.velocities[self._rows]
-        wdot = self._kp * np.array(error)
+        wdot = self._kp * np.array(
+            rotation_error(yaw, terms.rotations[self._body])
+        )
         wdot[2] += yawddot
-        wdot += self._kd * velocity
+        wdot += self._kd * (
+            np.array((0.0, 0.0, yawdot)) - terms.velocities[self._rows]
+        )
         return Motion(terms.rows[self._rows], wdot)
 
 
