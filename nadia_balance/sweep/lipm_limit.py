@@ -195,9 +195,10 @@ class LipmLimit:
     def _foot(self) -> Array:
         """Position (2,) [m] of the first swing foot, see `_local`."""
         schedule = self.state.schedule
-        if schedule.phase is Phase.SWING:
-            return self._local(self.foot)
-        return self._local(schedule.feet[schedule.support_side.other].p_WF[:2])
+        standing = schedule.feet[schedule.support_side.other].p_WF[:2]
+        return self._local(
+            self.foot if schedule.phase is Phase.SWING else standing
+        )
 
     def _local(self, points: Array) -> Array:
         """Points (..., 2) of W in the stance sole's frame, y to the swing."""

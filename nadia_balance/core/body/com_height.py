@@ -177,8 +177,7 @@ class ComHeight:
         Returns:
             The height over the time in the phase.
         """
-        side = schedule.support_side
-        stance = schedule.feet[side]
+        stance = schedule.feet[schedule.support_side]
 
         def height(other: FootPose) -> float:
             ground = float(stance.p_WF[2])
@@ -186,7 +185,7 @@ class ComHeight:
                 ground = min(ground, float(other.p_WF[2]))
             return ground + self.height_limit(stance, other)
 
-        start = end = height(schedule.feet[side.other])
+        start = end = height(schedule.feet[schedule.support_side.other])
         if schedule.phase is Phase.SWING and schedule.footsteps:
             end = height(schedule.footsteps[0].pose)
         return ComHeightPlan(start, end, schedule.duration)

@@ -286,8 +286,7 @@ def _closest_vertex(
     """Returns the closest vertex' index, its projection, and the gap."""
     edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
     apart = vertices[:, None] - polygon
-    along = (apart / edges).real
-    apart -= np.minimum(np.maximum(along, 0.0), 1.0) * edges
+    apart -= np.minimum(np.maximum((apart / edges).real, 0.0), 1.0) * edges
     gaps = np.abs(apart)
     i, k = divmod(int(gaps.argmin()), len(polygon))
     return i, complex(vertices[i] - apart[i, k]), float(gaps[i, k])

@@ -334,9 +334,10 @@ class IcpStepControl:
         schedule, params = state.schedule, self._params
         if not schedule.footsteps or state.elapsed < params.settling_time:
             return False
-        if schedule.phase is Phase.SWING:
-            return state.remaining_time >= params.freeze_time
-        return schedule.phase is Phase.TRANSFER
+        return schedule.phase is Phase.TRANSFER or (
+            schedule.phase is Phase.SWING
+            and state.remaining_time >= params.freeze_time
+        )
 
     def feedback(
         self,

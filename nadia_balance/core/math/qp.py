@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake import solvers
-from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.daqp_solver import solve_arrays
@@ -76,7 +75,7 @@ class DenseQp:
 
     def __init__(self, num_variables: int) -> None:
         # Untyped, as Drake's stubs lack NumPy's present array types.
-        program: Any = MathematicalProgram()
+        program: Any = solvers.MathematicalProgram()
         self._program = program
         x = program.NewContinuousVariables(num_variables)
         # Kept, because each access takes as long as an update.
@@ -96,7 +95,7 @@ class DenseQp:
         self._options = solvers.SolverOptions()
         # A hundredth of Clarabel's default.
         for name in ("tol_gap_abs", "tol_gap_rel"):
-            self._options.SetOption(ClarabelSolver.id(), name, 1e-10)
+            self._options.SetOption(solvers.ClarabelSolver.id(), name, 1e-10)
 
     def solve(self, problem: QpProblem) -> QpResult:
         """Solves one problem.
@@ -128,7 +127,9 @@ class DenseQp:
             new_Q=problem.H.T, new_b=problem.g, new_c=0.0, is_convex=True
         )
         self._limits.UpdateCoefficients(problem.A, problem.lower, problem.upper)
-        second = ClarabelSolver().Solve(self._program, None, self._options)
+        second = solvers.ClarabelSolver().Solve(
+            self._program, None, self._options
+        )
         if not second.is_success():
             return QpResult(x, False, solves=2, fallback=True)
         x = np.asarray(second.get_x_val())
@@ -151,7 +152,8 @@ def largest_first(A: Array, b: Array) -> Array | None:
     Returns:
         The maximum x (n,); None if there is none.
     """
-    program: Any = MathematicalProgram()  # untyped: its stubs lack Array
+    # Untyped: its stubs lack Array.
+    program: Any = solvers.MathematicalProgram()
     x = program.NewContinuousVariables(A.shape[1])
     program.AddLinearConstraint(A=A, lb=np.full(len(b), -np.inf), ub=b, vars=x)
     program.AddLinearCost(-x[0])

@@ -277,10 +277,12 @@ class Stance:
         """
         left = feet.left.to_world(self.centroid)
         mid = 0.5 * (left + feet.right.to_world(self.centroid))
-        split = self.params.transfer_split
         return _Phase(
             points=[mid, mid],
-            shares=[split, 1.0 - split],
+            shares=[
+                self.params.transfer_split,
+                1.0 - self.params.transfer_split,
+            ],
             duration=duration,
             supports=[self._support(feet, *Side)],
         )

@@ -462,9 +462,7 @@ class FootstepPlan:
             revised = self.queue(side, stance, velocity, command)
         elif swings:
             pose = self.beside(side, stance)
-            if pose is None:
-                return None
-            revised = (replace(steps[0], pose=pose),)
+            revised = (replace(steps[0], pose=pose),) if pose else ()
         else:
             revised = self.squaring(side, schedule.feet)
         if swings and not revised or self._are_near(steps, revised):
@@ -601,11 +599,11 @@ class FootstepPlan:
     def _is_square(self, foot: FootPose, pose: FootPose) -> bool:
         """True if the `foot` is so close to its `pose` that it may stand."""
         x, y = pose.to_sole(foot.p_WF[:2]).tolist()
-        turn = math.remainder(foot.yaw - pose.yaw, math.tau)
         return (
             abs(x) < self.params.square_length
             and abs(y) < self.params.square_width
-            and abs(turn) < math.radians(self.params.square_yaw_deg)
+            and abs(math.remainder(foot.yaw - pose.yaw, math.tau))
+            < math.radians(self.params.square_yaw_deg)
         )
 
     def queue(

@@ -401,9 +401,8 @@ def _reachable(
     ):
         return command
     base = base_region(reach)
-    region = intersection(convex_hull(_scaled(base, meant, share)), base)
-    if not len(region):
-        region = base
+    part = intersection(convex_hull(_scaled(base, meant, share)), base)
+    region = part if len(part) else base
     xy = stance.to_world((mirror * project(p_F, region))[None])[0]
     step = replace(
         command, pose=replace(command.pose, p_WF=np.append(xy, p_WF[2]))

@@ -144,9 +144,8 @@ def is_leaving(
         False for an ICP within the support.
     """
     error = icp - reference.icp
-    if contains(reference.ecmp + error, support, -margin):
-        return False
-    return bool((icp - project(icp, support)) @ error > 0.0)
+    can_stop = contains(reference.ecmp + error, support, -margin)
+    return not can_stop and bool((icp - project(icp, support)) @ error > 0.0)
 
 
 class TimeAdjustment(NamedTuple):

@@ -185,10 +185,7 @@ class StateMachine:
             The walking state one period later.
         """
         state = self._adjusted(state, plan, icp, adjustment)
-        if revised is not None:
-            state = self._revised(
-                state, plan, feet=feet, icp=icp, steps=revised
-            )
+        state = self._revised(state, plan, feet=feet, icp=icp, steps=revised)
         state = self._tick(state, forces, time_gain)
         schedule = state.schedule
         if schedule.phase is Phase.SWING:
@@ -217,11 +214,15 @@ class StateMachine:
         plan: IcpPlan,
         feet: FootPoses,
         icp: Array,
-        steps: tuple[Footstep, ...],
+        steps: tuple[Footstep, ...] | None,
     ) -> WalkingState:
         """Returns the state with other footsteps; durations stay as begun."""
         schedule = state.schedule
-        if schedule.phase is Phase.STANDING or steps == schedule.footsteps:
+        if (
+            steps is None
+            or schedule.phase is Phase.STANDING
+            or steps == schedule.footsteps
+        ):
             return state
         if steps:
             return replace(

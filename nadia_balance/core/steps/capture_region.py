@@ -364,9 +364,9 @@ class SwingGeometry(Immutable):
         x, y = self.stance.to_sole(foot.p_WF[:2]).tolist()
         if not self.model.reach.in_base_region(x, self.swing.sign * y):
             return False
-        rise = abs(foot.p_WF[2] - self.stance.p_WF[2])
         return self.model.ground is None or (
-            rise <= self.model.reach.rise_max + ROUNDING
+            abs(foot.p_WF[2] - self.stance.p_WF[2])
+            <= self.model.reach.rise_max + ROUNDING
             and self.model.ground.allows(foot)
         )
 

@@ -156,8 +156,7 @@ class Landing(Immutable):
         """
         if self.foot is None:
             return self.capture_region
-        goal, _ = closest_point(region, self.capture_region)
-        soonest = self.time_to(goal)
+        soonest = self.time_to(closest_point(region, self.capture_region)[0])
         if under_way:
             soonest *= UNDER_WAY
         return capture_region(
@@ -285,10 +284,11 @@ def adjust_foothold(
     covered = polygon.contains(nominal.p_WF[:2], region, -params.margin)
     if covered and landing.geometry.allows(nominal):
         ticks = current.covered_ticks + 1
-        waits = current.moved and ticks < number_of_ticks(
-            params.return_time, period
-        )
-        if waits and polygon.contains(current.pose.p_WF[:2], region):
+        if (
+            current.moved
+            and ticks < number_of_ticks(params.return_time, period)
+            and polygon.contains(current.pose.p_WF[:2], region)
+        ):
             return replace(current, covered_ticks=ticks)
         return Adjustment(current.nominal, nominal)
 
@@ -359,8 +359,11 @@ def goals(
     chosen = [goal.place for goal in options]
     last = [goal for goal in places if _is_last(goal.place, current)]
     if last and last[0].place not in chosen:
-        kept = _clipped(last, A, b - _KEPT * depth)
-        options += [g for g in kept if g.place.reach == chosen[0].reach]
+        options += [
+            goal
+            for goal in _clipped(last, A, b - _KEPT * depth)
+            if goal.place.reach == chosen[0].reach
+        ]
     return options
 
 
@@ -481,9 +484,11 @@ def in_time(
         The adjustment, in the place in which its foothold lies.
     """
     p, q = current.pose.p_WF[:2], target.pose.p_WF[:2]
-    if target.pose == current.pose or not target.moved:
-        return target
-    if UNDER_WAY * landing.time_to(q) <= time:
+    if (
+        target.pose == current.pose
+        or not target.moved
+        or UNDER_WAY * landing.time_to(q) <= time
+    ):
         return target
     geometry, result, share = landing.geometry, current, 0.0
     for part in _BISECTION:

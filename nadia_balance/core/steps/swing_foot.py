@@ -182,13 +182,16 @@ class SwingFoot:
         drop = edges.drop if edges else 0.0
         settling = max(detour.settling, drop / detour.max_descent)
         over = max(left - settling, min(left, 2.0 * detour.settling))
-        path = detour.way_round(
-            start=start[0, XY],
-            goal=goal.p_WF[:2],
-            stance=schedule.feet[schedule.support_side],
-            swing=schedule.support_side.other,
+        end[:, XY], over = self._within_limits(
+            start[:, XY],
+            path=detour.way_round(
+                start=start[0, XY],
+                goal=goal.p_WF[:2],
+                stance=schedule.feet[schedule.support_side],
+                swing=schedule.support_side.other,
+            ),
+            left=over,
         )
-        end[:, XY], over = self._within_limits(start[:, XY], path, over)
         radius = self.params.descent_radius
         arrived = math.dist(start[0, XY], goal.p_WF[:2]) < radius
         descent = -float(start[1, 2])
@@ -255,10 +258,8 @@ class SwingFoot:
         deceleration to the touchdown velocity.  0 if it need not brake yet.
         """
         slow = self.params.touchdown_velocity
-        if height <= 0.0 or descent <= slow:
-            return 0.0
         room = 2.0 * self.model.detour.max_braking * height
-        if descent**2 - slow**2 < room:
+        if height <= 0.0 or descent <= slow or descent**2 - slow**2 < room:
             return 0.0
         return 2.0 * height / (descent + slow)
 

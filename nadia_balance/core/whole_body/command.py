@@ -366,12 +366,11 @@ def crossing_turn(
         return 0.0, 0.0, 0.0
     max_turn = math.radians(params.max_turn_deg)
     gain = side.sign * params.gain / max_turn
-    u = gain * c * c * x
     du = gain * c * (2.0 * dc * x + c * dx)
     ddu = gain * (
         2.0 * (dc * dc + c * ddc) * x + 4.0 * c * dc * dx + c * c * ddx
     )
-    turn = math.tanh(u)
+    turn = math.tanh(gain * c * c * x)
     slope = max_turn * (1.0 - turn * turn)
     return max_turn * turn, slope * du, slope * (ddu - 2.0 * turn * du * du)
 

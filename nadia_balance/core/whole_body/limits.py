@@ -155,9 +155,8 @@ class WholeBodyLimits:
             terms
         )
         bounds[1, self._trunk_rows] = np.inf
-        cone = self._usual_cone
-        if command.friction != self._params.friction:
-            cone = self._cone(command.friction)
+        is_usual = command.friction == self._params.friction
+        cone = self._usual_cone if is_usual else self._cone(command.friction)
         row, column = self._trunk_rows.stop, nv
         for side, carries in enumerate(command.contacts):
             if carries:

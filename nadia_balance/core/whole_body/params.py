@@ -104,8 +104,9 @@ class CollisionAvoidanceParams:
         Returns:
             The accelerations (k,) [m/s^2].
         """
-        room = self.rate * (distances - self.clearance)
-        return -self.rate * (2.0 * rates + room)
+        return -self.rate * (
+            2.0 * rates + self.rate * (distances - self.clearance)
+        )
 
 
 @parameters
