@@ -242,8 +242,6 @@ def _rows(prog: Any, picks: _Picks) -> tuple[Array, Array, Array]:
         rows.append(A if E is None else A @ E)
         lower.append(constraint.lower_bound())
         upper.append(constraint.upper_bound())
-    if len(rows) == 1:
-        return np.ascontiguousarray(rows[0]), lower[0], upper[0]
     A = np.concatenate([np.zeros((0, prog.num_vars())), *rows])
     return (
         np.ascontiguousarray(A),

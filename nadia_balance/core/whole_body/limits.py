@@ -103,8 +103,7 @@ class WholeBodyLimits:
             )
         self._usual_cone = self._cone(params.friction)
         # The first axis of all bounds is (lower, upper).
-        self._wrench = np.zeros((2, _FOOT_ROWS))
-        self._wrench[0] = -np.inf
+        self._wrench = np.repeat([[-np.inf], [0.0]], _FOOT_ROWS, axis=1)
         self._wrench[0, -1] = params.min_normal_force / model.mass
         self._torques: Array = model.max_torque / model.mass * _SIGNS
         self._positions = np.stack((model.position_lower, model.position_upper))
@@ -287,12 +286,10 @@ class WholeBodyLimits:
         Shape (2 * _FOOT_ROWS, 3) in the sole frame: rows for tau and f
         alternate, so that one product rotates both.
         """
-        cone = np.zeros((_FOOT_ROWS, 6))
-        cone[:NUM_CONE_ROWS] = contact_wrench_cone(
+        cone = contact_wrench_cone(
             self._sole_length, self._sole_width, friction
         )
-        cone[-1, 5] = 1.0
-        return cone.reshape(-1, 3)
+        return np.vstack((cone, np.eye(6)[5])).reshape(-1, 3)
 
     def _braking(self, terms: WholeBodyTerms) -> Array:
         """Bounds (2, nj) [rad/s^2] on vdot from position and speed limits.
@@ -304,8 +301,7 @@ class WholeBodyLimits:
         horizon = self._params.joint_limit_horizon
         ahead = terms.q[7:] + horizon * terms.v[6:]
         bounds = (self._positions - ahead) * (2.0 / horizon**2)
-        room = self._speeds - terms.v[6:]
-        room /= self._params.speed_limit_horizon
+        room = (self._speeds - terms.v[6:]) / self._params.speed_limit_horizon
         clip = self._params.max_joint_acceleration
         np.clip(room, -clip, clip, out=room)
         return np.asarray(np.minimum(np.maximum(bounds, room[0]), room[1]))

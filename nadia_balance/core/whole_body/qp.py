@@ -98,9 +98,14 @@ class WholeBodyQp:
         self._posture_kd = weights * kd
         vdot = np.concatenate((np.zeros(6), weights))
         vdot += params.acceleration_weight
-        wrench = np.full(6, params.moment_weight)  # [tau, f] of a sole
-        wrench[3:5] = params.tangential_weight
-        wrench[5] = params.normal_weight
+        wrench = np.repeat(  # [tau, f] of a sole
+            [
+                params.moment_weight,
+                params.tangential_weight,
+                params.normal_weight,
+            ],
+            (3, 2, 1),
+        )
         self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
 
     def solve(
@@ -253,8 +258,9 @@ class WholeBodyQp:
         turn, rest = A[:3, :nv], b[:3]
         rows, values = np.zeros(A.shape), np.zeros(6)
         rows[:3, :nv] = moved[3:, :nv]
-        values[:3] = -self._params.stance_damping * velocities[3:]
-        values[:3] -= moved[3:, -1]
+        values[:3] = (
+            -self._params.stance_damping * velocities[3:] - moved[3:, -1]
+        )
         axes = np.stack((x, z))
         rows[3:5, :nv], values[3:5] = axes @ turn, axes @ rest
         wrench = rows[5, nv + sole.start : nv + sole.stop]

@@ -221,10 +221,8 @@ class SwingFootTask:
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
         turn = R_WT @ rotation_error(yaw, R_WT.T @ R_WF)
         # The reference of the ankle, and the arm to it from the sole's centre.
-        ankle = command.swing[:9].reshape(3, 3)
-        ankle = (
-            ankle
-            + self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot)
+        ankle = command.swing[:9].reshape(3, 3) + (
+            self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot)
             @ R_WT.T
         )
         arm = R_WF @ self._ankles[side]
