@@ -52,14 +52,13 @@ class Complementary:
         Returns:
             The estimate; the soles follow by `touch`.
         """
-        cov = np.zeros((SIZE, SIZE))
-        np.fill_diagonal(cov[:9, :9], np.repeat(np.square(ERROR), 3))
+        variances = np.repeat((*np.square(ERROR), 0.0), (3, 3, 3, SIZE - 9))
         return Estimate(
             R=R,
             x=np.vstack((np.zeros(3), p, p, p)),
             bias=np.zeros((2, 3)),
             heading=np.zeros(2),
-            cov=cov,
+            cov=np.diag(variances),
         )
 
     def predict(self, last: Estimate, imu: Array) -> Estimate:

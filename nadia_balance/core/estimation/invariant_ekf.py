@@ -152,11 +152,8 @@ class InvariantEkf:
             The estimate; the soles follow by `touch`.
         """
         x = np.vstack((np.zeros(3), p, p, p))
-        deviations = np.concatenate(
-            (error.ravel(), np.repeat((0.0, 0.0, *self._biases), 3))
-        )
-        cov = np.zeros((SIZE, SIZE))
-        np.fill_diagonal(cov[:21, :21], np.square(deviations))
+        others = np.repeat((0.0, *self._biases, 0.0), (6, 3, 3, SIZE - 21))
+        cov = np.diag(np.square(np.concatenate((error.ravel(), others))))
         # The error of the position itself, not that of a rotation about W.
         A = np.eye(SIZE)
         A[3:9, THETA] = skew(x[:2]).reshape(6, 3)

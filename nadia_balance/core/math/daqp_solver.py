@@ -70,13 +70,7 @@ class DaqpSolver(solvers.SolverInterface):
         """
         return True
 
-    def enabled(self) -> bool:
-        """DAQP needs no licence.
-
-        Returns:
-            True.
-        """
-        return True
+    enabled = available  # it needs no licence
 
     def solver_id(self) -> solvers.SolverId:
         """The name of this solver.

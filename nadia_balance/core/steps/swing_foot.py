@@ -91,9 +91,7 @@ def at_rest(pose: FootPose) -> Array:
     Returns:
         Rows p, v, a of [x, y, z, yaw] in W (3, 4) [m, rad, s].
     """
-    motion = np.zeros((3, 4))
-    motion[0] = *pose.p_WF, pose.yaw
-    return motion
+    return np.vstack(([*pose.p_WF, pose.yaw], np.zeros((2, 4))))
 
 
 def as_reference(motion: Array, lead: float) -> Array:
@@ -271,8 +269,7 @@ class SwingFoot:
         The quintic follows `path` (n, 2) past its first corner, if possible
         with at most PEAK times `max_acceleration` on the whole path.
         """
-        end = np.zeros((3, 2))
-        end[0] = path[-1]
+        end = np.vstack((path[-1], np.zeros((2, 2))))
         needed = self.model.detour.shortest_time(path, start[1])
         left = max(left, needed)
         for _ in range(_STRETCHES):

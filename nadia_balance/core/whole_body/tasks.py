@@ -107,13 +107,12 @@ class MomentumTask:
         # arm is in M, since the base's velocity is expressed in W.
         selection[3:, 3:6] = -base[:3, 3:6]
         selection[:2, -1] -= command.momentum_rate[:2] / (self._mass * GRAVITY)
-        acceleration = np.zeros(6)
+        moment = -self._damping * (selection[3:] @ terms.velocities[BASE])
         # The force also carries the weight, which is no rate of momentum.
-        acceleration[2] = command.momentum_rate[2] / self._mass + GRAVITY
-        acceleration[3:] = -self._damping * (
-            selection[3:] @ terms.velocities[BASE]
+        vertical = command.momentum_rate[2] / self._mass + GRAVITY
+        return Motion(
+            selection @ base, np.concatenate(((0.0, 0.0, vertical), moment))
         )
-        return Motion(selection @ base, acceleration)
 
 
 class TrunkTask:
