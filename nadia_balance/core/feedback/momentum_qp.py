@@ -237,8 +237,5 @@ def momentum_rate(
     Returns:
         The linear momentum rate (3,) in W [N].
     """
-    (x, y), (ecmp_x, ecmp_y) = com.tolist(), ecmp.tolist()
     k = model.mass * model.omega**2
-    return np.array(
-        [k * (x - ecmp_x), k * (y - ecmp_y), model.mass * vertical_acceleration]
-    )
+    return np.append(k * (com - ecmp), model.mass * vertical_acceleration)

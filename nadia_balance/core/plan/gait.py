@@ -248,8 +248,10 @@ def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
     frame = middle(feet)
     if gait.footholds:
         for hold in gait.footholds:
-            yaw = math.radians(hold.yaw_deg)
-            yield Side(hold.side), frame.displaced(hold.x, hold.y, yaw)
+            yield (
+                Side(hold.side),
+                frame.displaced(hold.x, hold.y, math.radians(hold.yaw_deg)),
+            )
         return
     vectors = gait.steps or [gait.step] * gait.num_steps
     if vectors and vectors[-1] != StepVector():
@@ -259,8 +261,9 @@ def _poses(gait: Gait, feet: FootPoses) -> Iterator[tuple[Side, FootPose]]:
         width = math.dist(feet.left.p_WF[:2], feet.right.p_WF[:2])
     side = Side(gait.first_swing)
     for vector in vectors:
-        yaw = math.radians(vector.yaw_deg)
-        frame = frame.displaced(vector.length, vector.sideways, yaw)
+        frame = frame.displaced(
+            vector.length, vector.sideways, math.radians(vector.yaw_deg)
+        )
         yield side, frame.displaced(0.0, side.sign * 0.5 * width)
         side = side.other
 

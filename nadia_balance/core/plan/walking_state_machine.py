@@ -192,9 +192,10 @@ class StateMachine:
             if state.contact_impulse <= self.params.contact_impulse:
                 return state
             state = replace(state, steps_taken=state.steps_taken + 1)
-            steps = _following(state, footsteps)
             return replace(
-                self._start_transfer(state, plan, feet, steps),
+                self._start_transfer(
+                    state, plan, feet, steps=_following(state, footsteps)
+                ),
                 contact_time=state.contact_time,
             )
         if not schedule.footsteps or schedule.phase is Phase.STANDING:

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.state import Phase, Side, WalkingState
+from nadia_balance.core.walking.state import (
+    Phase,
+    Side,
+    WalkingState,
+    number_of_ticks,
+)
 from nadia_balance.parameters.bounds import bounded, parameters
 
 # Rounding error of a clock that counts ticks.
@@ -174,7 +179,7 @@ class Push:
         Returns:
             Shares (n,) of n ticks [-].
         """
-        n = max(round(self.duration / period), 1)
+        n = number_of_ticks(self.duration, period)
         x = (np.arange(n) + 0.5) / n
         if self.shape == HALF_SINE:
             return np.sin(np.pi * x)

@@ -237,8 +237,9 @@ class WholeBodyLimits:
             first + self._joint_rows.start, first + self._trunk_rows.stop
         )
         n, soft = g.size, self.num_soft
-        H_soft = np.zeros((n + soft, n + soft))
-        H_soft[:n, :n], H_soft[n:, n:] = H, self._slack_cost
+        H_soft = np.block(
+            [[H, np.zeros((n, soft))], [np.zeros((soft, n)), self._slack_cost]]
+        )
         A_soft = np.hstack((A, np.zeros((len(A), soft))))
         A_soft[rows, n:] = np.eye(soft)
         softened = QpProblem(
