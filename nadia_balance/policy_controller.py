@@ -252,8 +252,9 @@ def _session(onnx: Path, name: str) -> Any:
     try:
         return onnxruntime.InferenceSession(str(onnx), options)
     except Exception as error:  # its exceptions have no class in common
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{name}: must be an ONNX model ({reason})") from None
+        raise ValueError(
+            f"{name}: must be an ONNX model ({' '.join(str(error).split())})"
+        ) from None
 
 
 def _metadata(network: Any, name: str) -> tuple[list[str], Any, Any]:

@@ -180,10 +180,6 @@ def _feet_by_contact(
     return foot_of
 
 
-_FEET = 2
-_PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
-
-
 @parameters
 class Imperfections:
     """Deviations of measurements, ground and model; none by default.
@@ -283,12 +279,12 @@ class StateSensor(LeafSystem):
         self._size = size = plant.num_multibody_states()
         self._deviations = np.zeros(size)
         self._deviations[7:nq] = imperfections.joint_noise
-        self._deviations[_PELVIS] = imperfections.pelvis_noise
+        self._deviations[4:7] = imperfections.pelvis_noise  # position
         self._deviations[nq : nq + 6] = imperfections.pelvis_speed_noise
         self._deviations[nq + 6 :] = imperfections.joint_speed_noise
         self._state = input_port(self, "state", size)
-        self._forces = input_port(self, "foot_forces", _FEET)
-        past: Any = np.full(ticks * (size + _FEET), np.nan)
+        self._forces = input_port(self, "foot_forces")
+        past: Any = np.full(ticks * (size + 2), np.nan)
         self._past: Any = self.DeclareDiscreteState(past)
         tickets = {self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort(
@@ -299,7 +295,7 @@ class StateSensor(LeafSystem):
         )
         self.DeclareVectorOutputPort(
             "measured_foot_forces",
-            _FEET,
+            2,
             self._calc_forces,
             {*tickets, self._forces.ticket()},
         )
@@ -327,6 +323,6 @@ class StateSensor(LeafSystem):
         """The `part` of the oldest sample; the value of the `port` if none."""
         now = port(context)
         past: Any = context.get_discrete_state(self._past).value()
-        samples = past.reshape(-1, self._size + _FEET)[:, part]
+        samples = past.reshape(-1, self._size + 2)[:, part]
         recorded = samples[~np.isnan(samples[:, 0])]
         return recorded[-1] if len(recorded) else now

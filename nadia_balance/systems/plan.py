@@ -155,8 +155,11 @@ class WalkingStateMachine(LeafSystem):
                     context, f"has a {type(step).__name__}, needs Footsteps"
                 )
         if any(one.side is two.side for one, two in itertools.pairwise(steps)):
-            sides = ", ".join(step.side.value for step in steps)
-            raise port.error(context, f"has feet {sides}: they must take turns")
+            raise port.error(
+                context,
+                f"has feet {', '.join(step.side.value for step in steps)}: "
+                "they must take turns",
+            )
         return steps
 
 

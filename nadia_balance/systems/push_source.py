@@ -128,8 +128,9 @@ class PushSource(LeafSystem):
             self._bodies = []
             for push in [*pushes, Push(at="0 s")]:  # the last one is live
                 body = find_body(plant, push.body or base_body)
-                point = push.point or body.default_com()
-                self._bodies.append((body.index(), point))
+                self._bodies.append(
+                    (body.index(), push.point or body.default_com())
+                )
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -148,9 +149,10 @@ class PushSource(LeafSystem):
             delta_v: velocity change of the robot's mass [m/s].
             direction_deg: 0 forward, 90 left [deg].
         """
-        newtons = self._mass * delta_v / self._effective[0]
         parameter: Any = context.get_mutable_numeric_parameter(0)
-        parameter.SetFromVector([newtons, direction_deg])
+        parameter.SetFromVector(
+            [self._mass * delta_v / self._effective[0], direction_deg]
+        )
 
     def begins(self, context: Context) -> bool:
         """True if the first push begins in an update of a context.
@@ -212,8 +214,7 @@ class PushSource(LeafSystem):
             check(push)
             ticks = number_of_ticks(push.duration, self.period)
             push.duration = ticks * self.period
-            heading = _yaw(self._walking(context))
-            heading += math.radians(direction_deg)
+            heading = _yaw(self._walking(context)) + math.radians(direction_deg)
             row[:] = ticks, heading, push.newtons(self._mass, self.period)
             live[1:] = live[1] + 1.0, ticks
         live[0] = count
@@ -250,8 +251,7 @@ class PushSource(LeafSystem):
             if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
                 passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])
-                force = newtons * shares[i][passed] * along
-                active.append((i, passed, force))
+                active.append((i, passed, newtons * shares[i][passed] * along))
         return active
 
     def _calc_force(self, context: Context) -> Any:
@@ -338,8 +338,8 @@ class ContactClock(LeafSystem):
             memory.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
 
     def _calc_walking(self, context: Context) -> WalkingState:
-        state = context.get_discrete_state(self._state).value().tolist()
-        swings, side, time, steps, *lasted = state
+        state = context.get_discrete_state(self._state).value()
+        swings, side, time, steps, *lasted = state.tolist()
         schedule = self._standing
         duration = lasted[int(side + 1.0 + swings)]
         if duration:

@@ -122,8 +122,13 @@ class QpStatus(
         Returns:
             The entries of the status (5,).
         """
-        failures = self.failures + (not qp.solved)
-        return qp.solved, qp.fallback, qp.solves, qp.violation, failures
+        return (
+            qp.solved,
+            qp.fallback,
+            qp.solves,
+            qp.violation,
+            self.failures + (not qp.solved),
+        )
 
 
 class SwingFootReference(

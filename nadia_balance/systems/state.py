@@ -201,8 +201,9 @@ class CentroidalEstimator(LeafSystem):
         )
 
     def _calc_terms(self, context: Context) -> WholeBodyTerms:
-        root = self._scratch.Eval(context)
-        plant_context = self._plant.GetMyMutableContextFromRoot(root)
+        plant_context = self._plant.GetMyMutableContextFromRoot(
+            self._scratch.Eval(context)
+        )
         self._plant.SetPositionsAndVelocities(
             plant_context, self._state(context)
         )

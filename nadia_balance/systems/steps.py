@@ -124,10 +124,11 @@ class CaptureRegionStepAdjuster(LeafSystem):
         landing = self._landing.Eval(context)
         if not landing:
             return CaptureRegions()
-        adjustment = self._adjustment.Eval(context)
         # While `step` is off, the previous adjustment holds.
         return capture_regions(
-            landing, adjustment or current_adjustment(self._walking(context))
+            landing,
+            self._adjustment.Eval(context)
+            or current_adjustment(self._walking(context)),
         )
 
 

@@ -122,8 +122,13 @@ class WholeBodyInverseDynamics(LeafSystem):
         torques = None
         if last_status.solved or unsolved:  # false before the first tick only
             torques = last["torques"]
-        failures = last_status.failures + 1
-        status: tuple[float, ...] = (0.0, 0.0, 0.0, np.nan, failures)
+        status: tuple[float, ...] = (
+            0.0,
+            0.0,
+            0.0,
+            np.nan,
+            last_status.failures + 1,
+        )
         if unsolved <= self._max_unsolved:
             solution = self._qp.solve(terms, command, torques)
             status = last_status.after(solution.qp)
@@ -190,17 +195,16 @@ class FrictionEstimator(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, new: Any) -> None:
-        last = context.get_discrete_state_vector().value()
         terms = self._terms(context)
-        forces = self._wrenches(context).reshape(2, 6)[:, 3:]
+        wrenches = self._wrenches(context).reshape(2, 6)
         # Force per weight and velocity of each sole, from W to its own frame.
         motion = np.empty((2, 2, 3))
-        motion[:, 0] = forces / self._weight
+        motion[:, 0] = wrenches[:, 3:] / self._weight
         motion[:, 1] = terms.velocities[: SOLES[1].stop].reshape(2, 6)[:, 3:]
         motion = motion @ terms.rotations[:2]
         new.get_mutable_discrete_state(0).set_value(
             friction_after(
-                last.tolist(),
+                context.get_discrete_state_vector().value().tolist(),
                 forces=motion[:, 0],
                 velocities=motion[:, 1],
                 params=self._params,

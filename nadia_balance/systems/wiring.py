@@ -34,8 +34,7 @@ def connect(
         *names: names of the ports, the same at both.
         **renamed: names at the sink by those at the source.
     """
-    pairs = {**dict(zip(names, names, strict=True)), **renamed}
-    for output, name in pairs.items():
+    for output, name in (*zip(names, names, strict=True), *renamed.items()):
         builder.Connect(source.GetOutputPort(output), sink.GetInputPort(name))
 
 
@@ -63,8 +62,10 @@ def fill(
     """
     for role, block in blocks.items():
         if role not in makers:
-            roles = ", ".join((*makers, *others))
-            raise ValueError(f"block = {role!r}: must be one of {roles}")
+            raise ValueError(
+                f"block = {role!r}: must be one of "
+                f"{', '.join((*makers, *others))}"
+            )
         if block is not None:
             _check_block(role, block, outputs[role])
     filled = {
@@ -132,8 +133,10 @@ def wire(
                 builder.ExportInput(port, name)
                 exported.add(name)
             else:
-                signals = ", ".join(sorted({*sources, *inputs}))
-                raise ValueError(f"{label} must be one of {signals}")
+                raise ValueError(
+                    f"{label} must be one of "
+                    f"{', '.join(sorted({*sources, *inputs}))}"
+                )
 
 
 def _check_kind(label: str, port: InputPort, source: OutputPort) -> None:
