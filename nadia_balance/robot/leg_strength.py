@@ -168,15 +168,16 @@ class StandingLegs:
 
     def _jacobian(self, side: Side) -> Array:
         """Jacobian (6, nv) [w, v] of the centre of a sole, in W."""
-        J = self.plant.CalcJacobianSpatialVelocity(
-            context=self.context,
-            with_respect_to=JacobianWrtVariable.kV,
-            frame_B=self.plant.GetFrameByName(self.robot.foot_bodies[side]),
-            p_BoBp_B=self.robot.X_FootSole[side].translation(),
-            frame_A=self.plant.world_frame(),
-            frame_E=self.plant.world_frame(),
+        return np.asarray(
+            self.plant.CalcJacobianSpatialVelocity(
+                context=self.context,
+                with_respect_to=JacobianWrtVariable.kV,
+                frame_B=self.plant.GetFrameByName(self.robot.foot_bodies[side]),
+                p_BoBp_B=self.robot.X_FootSole[side].translation(),
+                frame_A=self.plant.world_frame(),
+                frame_E=self.plant.world_frame(),
+            )
         )
-        return np.asarray(J)
 
     def _ankle(self, foot: str) -> list[Joint]:
         """The joints between foot and knee; none if there is no such knee."""
@@ -245,11 +246,12 @@ class StandingKinematics(InverseKinematics):
         Returns:
             The positions (nq,); None if there are none.
         """
-        program = self._program
-        program.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
-        program.SetInitialGuess(self.q(), q)
-        program.SetInitialGuess(self._com, com)
-        result = SnoptSolver().Solve(program)
+        self._program.AddQuadraticErrorCost(
+            weight * np.eye(len(q)), q, self.q()
+        )
+        self._program.SetInitialGuess(self.q(), q)
+        self._program.SetInitialGuess(self._com, com)
+        result = SnoptSolver().Solve(self._program)
         if not result.is_success():
             return None
         return np.asarray(result.GetSolution(self.q()))

@@ -86,10 +86,8 @@ class RobotModel:
         self.sole_length = sole.x_max - sole.x_min
         self.sole_width = 2.0 * sole.half_width
         self.sole = rectangle(self.sole_length, self.sole_width)
-        centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
-        self.X_FootSole = {
-            side: RigidTransform(cast(Any, centre)) for side in Side
-        }
+        centre: Any = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
+        self.X_FootSole = {side: RigidTransform(centre) for side in Side}
         self.remarks = remarks_on(
             self.control_diagram()[1], set(self.foot_bodies.values())
         )
@@ -246,8 +244,9 @@ class RobotModel:
         )
 
         def shapes(links: Iterable[BodyIndex]) -> GeometrySet:
-            bodies = [plant.get_body(link) for link in links]
-            return plant.CollectRegisteredGeometries(bodies)
+            return plant.CollectRegisteredGeometries(
+                [plant.get_body(link) for link in links]
+            )
 
         others = shapes(set(plant.GetBodyIndices(instance)) - left - right)
         feet = [plant.GetBodyByName(n) for n in self.foot_bodies.values()]

@@ -344,12 +344,14 @@ def _filled(
     params: T, measured: Mapping[str, float], given: Mapping[str, Any] | None
 ) -> T:
     """Returns the dataclass with `measured` values that are not `given`."""
-    lengths = {
-        name: round(float(value), _DIGITS)
-        for name, value in measured.items()
-        if name not in (given or {})
-    }
-    return replace(params, **lengths)  # type: ignore[type-var]
+    return replace(
+        params,  # type: ignore[type-var]
+        **{
+            name: round(float(value), _DIGITS)
+            for name, value in measured.items()
+            if name not in (given or {})
+        },
+    )
 
 
 def _position(
@@ -409,8 +411,9 @@ def foot_width(
     """
     sides = [0.0]
     for foot in feet:
-        shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
-        for shape in shapes:
+        for shape in plant.GetCollisionGeometriesForBody(
+            plant.GetBodyByName(foot)
+        ):
             box = inspector.GetObbInGeometryFrame(shape)
             if box is not None:
                 X_BO = inspector.GetPoseInFrame(shape) @ box.pose()
