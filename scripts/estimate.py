@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
@@ -97,8 +96,8 @@ def _write(folder: Path, log: Log, run: dict[str, Any]) -> None:
     """Writes FILES; the title of the plot tells of the `run`."""
     with appearing(folder) as drafts, mpl.rc_context(cast(Any, RC)):
         np.savez(drafts / FILES[0], **cast(Any, log))
-        figure = draw_estimate(log, run | {"pushes": [], "fell_at": None})
-        cast(Figure, figure).savefig(drafts / FILES[1])
+        figure: Any = draw_estimate(log, run | {"pushes": [], "fell_at": None})
+        figure.savefig(drafts / FILES[1])
 
 
 def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:

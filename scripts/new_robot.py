@@ -81,15 +81,16 @@ def _make(args: argparse.Namespace, folder: Path) -> None:
         raise ValueError(
             f"{error.name} is missing: pip install 'nadia_balance[robots]'"
         ) from None
-    notes = make_robot(
-        args.file,
-        folder,
-        fix=args.fix or [],
-        package_roots=args.package_root or [],
-        armature=args.armature,
-        named={name: getattr(args, name) for name in NAMES},
+    command_line.say(
+        *make_robot(
+            args.file,
+            folder,
+            fix=args.fix or [],
+            package_roots=args.package_root or [],
+            armature=args.armature,
+            named={name: getattr(args, name) for name in NAMES},
+        ).lines()
     )
-    command_line.say(*notes.lines())
     try:
         robot = load_robot(str(folder / "robot.yaml"), args.fidelity)
     except ValueError as error:

@@ -339,7 +339,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         directions=envelope.directions(values),
         at=envelope.moments(values),
         mechanisms=(mechanisms,),
-        known_limits=_limits_of(args.limits, robot, mechanisms),
+        known_limits=_limits_of(args.limits, figure, robot, mechanisms),
     )
     sweep.validate()
     for name in scenarios:
@@ -368,9 +368,10 @@ def _random_pushes(args: argparse.Namespace, figure: Protocol | None) -> int:
     return count
 
 
-def _limits_of(limits: Path, robot: str, mechanisms: str) -> dict[Cell, float]:
+def _limits_of(
+    limits: Path, figure: Protocol | None, robot: str, mechanisms: str
+) -> dict[Cell, float]:
     """Limits [m/s] of a folder or a figure; ValueError: of another robot."""
-    figure = PROTOCOLS.get(str(limits))
     of_robot = figure.robot if figure else robot
     if (limits / TRIALS).exists():
         of_robot = Rows.read(limits).identity["robot"]

@@ -24,7 +24,14 @@ from nadia_balance.core.walking.mechanisms import COLORS
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
-from nadia_balance.sweep.limits import LIMITS, OTHERS, WORST, LimitTable, Record
+from nadia_balance.sweep.limits import (
+    LIMITS,
+    OTHERS,
+    WORST,
+    LimitTable,
+    Record,
+    protocol_of,
+)
 from nadia_balance.sweep.trials import (
     DIGITS,
     OUTCOMES,
@@ -91,8 +98,10 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
         with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
             lines = csv.DictWriter(file, limits.records[0], lineterminator="\n")
             lines.writeheader()
-            for record in limits.records:
-                lines.writerow(with_digits(record, [*OTHERS, *WORST]))
+            lines.writerows(
+                with_digits(record, [*OTHERS, *WORST])
+                for record in limits.records
+            )
     return [PICTURE, TABLES, LIMITS]
 
 
@@ -106,8 +115,9 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
     Returns:
         The text of tables.md.
     """
-    assumptions = "; or ".join(limits.assumptions)
-    notes = _NOTES.format(assumptions or "a robot that steps already")
+    notes = _NOTES.format(
+        "; or ".join(limits.assumptions) or "a robot that steps already"
+    )
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
@@ -167,8 +177,8 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    head = ["direction", *map(limits.title, limits.mechanisms)]
-    return kind[1], table(head, lines)
+    titles = map(limits.title, limits.mechanisms)
+    return kind[1], table(["direction", *titles], lines)
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:
@@ -212,8 +222,9 @@ def mark(records: Iterable[Record]) -> str:
     Returns:
         `~` if a search has not ended, or knows no push that failed.
     """
-    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
-    return "" if is_sure else "~"
+    if all(one["complete"] and one["failed"] is not None for one in records):
+        return ""
+    return "~"
 
 
 def draw_envelope(limits: LimitTable) -> Figure:
@@ -291,7 +302,7 @@ def _draw_curves(
         )
     if len(records) <= _MOST_NUMBERS:
         _write_numbers(ax, records)
-    protocol = limits.protocol(situation)
+    protocol = protocol_of(limits.identity["robot"], situation)
     if protocol:
         ax.plot(
             *closed(protocol.curves(situation[0]).get(last, {})),
@@ -364,7 +375,7 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     """Explains the lines of the first panel, and the area beyond the limit."""
     lines = {str(line.get_label()): line for line in fig.axes[0].lines}
     labels = {name: limits.title(name) for name in limits.mechanisms}
-    protocol = limits.protocol(limits.situations[0])
+    protocol = protocol_of(limits.identity["robot"], limits.situations[0])
     if protocol:
         labels[protocol.paper] = protocol.paper
     fig.legend(

@@ -60,13 +60,6 @@ def open_workers(
     Raises:
         ValueError: no worker, too many, or no such scheduler.
     """
-    with _client(workers, scheduler) as client:
-        yield client.get_executor(pure=False)
-
-
-@contextlib.contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
-    """Yields Dask's Client, which is untyped; as open_workers."""
     dask: Any = distributed
     if scheduler is None:
         if not 1 <= workers <= MOST_WORKERS:
@@ -87,7 +80,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             dask.Client(cluster, set_as_default=False) as client,
         ):
             client.run(os.setsid)  # Ctrl-C interrupts only this process
-            yield client
+            yield client.get_executor(pure=False)
         return
     try:
         # Or else the Client may hang.
@@ -102,7 +95,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
     with client:
         if not client.nthreads():
             raise ValueError(f"scheduler = {scheduler!r}: must have workers")
-        yield client
+        yield client.get_executor(pure=False)
 
 
 def run_sweep(
@@ -265,8 +258,9 @@ def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> Row:
         nonlocal at_push
         is_over = push_signal(diagram, context).waiting == 0.0
         if has_plan and at_push is None and is_over:
-            model = scenario.point_mass(diagram.robot)
-            at_push = limit_from(diagram, context, model=model).least_steps()
+            at_push = limit_from(
+                diagram, context, model=scenario.point_mass(diagram.robot)
+            ).least_steps()
         return watch(context)
 
     if run.until:

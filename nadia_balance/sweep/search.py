@@ -53,8 +53,13 @@ class SearchParams:
         Returns:
             The parameters, unchecked.
         """
-        names = [one.name for one in fields(cls) if one.name in values]
-        return cls(**{name: values[name] for name in names})
+        return cls(
+            **{
+                one.name: values[one.name]
+                for one in fields(cls)
+                if one.name in values
+            }
+        )
 
     @property
     def required(self) -> int:

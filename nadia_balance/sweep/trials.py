@@ -112,12 +112,11 @@ def with_digits(row: Row, columns: Iterable[str]) -> Row:
     Returns:
         The rounded row.
     """
-    measured = {
+    return row | {
         name: float(f"{row[name]:.{DIGITS}g}")
         for name in columns
         if isinstance(row[name], float)
     }
-    return {**row, **measured}
 
 
 def results_of(rows: list[Row]) -> Results:
@@ -204,8 +203,9 @@ class Rows:
             rows = [
                 _parsed(line) for line in csv.DictReader(io.StringIO(lines))
             ]
-            names = identity["scenario"].split(",")
-            if any(row["scenario"] not in names for row in rows):
+            if not {row["scenario"] for row in rows} <= {
+                *identity["scenario"].split(",")
+            }:
                 raise ValueError("a scenario is not of the first line")
             return cls(folder, identity, rows)
         except (
@@ -330,5 +330,6 @@ def digest(parts: Iterable[bytes]) -> str:
     Returns:
         16 hex digits.
     """
-    hashes = b"".join(hashlib.sha256(part).digest() for part in parts)
-    return hashlib.sha256(hashes).hexdigest()[:16]
+    return hashlib.sha256(
+        b"".join(hashlib.sha256(part).digest() for part in parts)
+    ).hexdigest()[:16]
