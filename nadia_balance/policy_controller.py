@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -166,8 +166,9 @@ class PolicyController(LeafSystem):
         self._command = optional_input(
             self, "velocity_command", default=np.zeros(3)
         )
-        first: Any = [*np.zeros(len(names)), *_FIRST.values()]
-        self._memory: Any = self.DeclareDiscreteState(first)
+        self._memory: Any = self.DeclareDiscreteState(
+            cast(Any, [*np.zeros(len(names)), *_FIRST.values()])
+        )
         self.DeclareVectorOutputPort(
             "actuation",
             len(names),
@@ -188,14 +189,13 @@ class PolicyController(LeafSystem):
             The observation (3 n + 13,), see PolicyController.
         """
         state = self._state(context)
-        memory = context.get_discrete_state(self._memory).value()
         phases = self._advanced(context)
         unit = state[:4] / np.linalg.norm(state[:4])
         R_BW: Any = RotationMatrix(Quaternion(unit)).inverse()
         forward, left, yaw_rate = self._command(context)
         return np.concatenate(
             [
-                memory[:-2],
+                context.get_discrete_state(self._memory).value()[:-2],
                 self.params.gyro_scale * (R_BW @ state[self._spin]),
                 [yaw_rate],
                 [forward, left],
@@ -233,8 +233,9 @@ class PolicyController(LeafSystem):
         target = self._q0 + self.params.action_scale * action
         torques = self._kp * (target - state[self._q])
         torques -= self._kd * state[self._v]
-        torques = torques.clip(-self._limits, self._limits)
-        output.SetFromVector(torques[self._actuators])
+        output.SetFromVector(
+            torques.clip(-self._limits, self._limits)[self._actuators]
+        )
 
 
 def _session(onnx: Path, name: str) -> Any:

@@ -202,8 +202,9 @@ def standing(joints: Array, robot: RobotModel) -> Array:
         @ robot.X_FootSole[side]
         for side, foot in robot.foot_bodies.items()
     )
-    middle = 0.5 * (left.translation() + right.translation())
-    X_WB = RigidTransform(left.rotation(), middle).inverse()
+    X_WB = RigidTransform(
+        left.rotation(), 0.5 * (left.translation() + right.translation())
+    ).inverse()
     q[:7] = *X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()
     return q
 

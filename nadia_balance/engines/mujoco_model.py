@@ -100,11 +100,10 @@ class MujocoModel:
         if body.index() in self._bodies:
             return self._bodies[body.index()]
         joint = self._inboard[body.index()]
-        parent = self._add_body(joint.parent_body())
         X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
         X_PB = X_PF @ X_BM.inverse()
-        added = parent.add_body(
+        added = self._add_body(joint.parent_body()).add_body(
             name=str(int(body.index())),
             pos=X_PB.translation(),
             quat=X_PB.rotation().ToQuaternion().wxyz(),
@@ -178,8 +177,10 @@ class MujocoModel:
         form = inspector.GetShape(shape)
         if isinstance(form, Convex | Mesh):
             # The convex hull, as in Drake.
-            points = np.ravel(hull_points(inspector, shape))
-            self._spec.add_mesh(name=_name(shape), uservert=points)
+            self._spec.add_mesh(
+                name=_name(shape),
+                uservert=np.ravel(hull_points(inspector, shape)),
+            )
             added.type = mujoco.mjtGeom.mjGEOM_MESH
             added.meshname = _name(shape)
             return
@@ -228,8 +229,9 @@ class MujocoModel:
         """
         in_world = vector.copy()
         for quaternion, turning in self._turning:
-            q_WB = self.data.qpos[quaternion]
-            mujoco.mju_rotVecQuat(in_world[turning], vector[turning], q_WB)
+            mujoco.mju_rotVecQuat(
+                in_world[turning], vector[turning], self.data.qpos[quaternion]
+            )
         ordered = np.empty(self.model.nv)
         ordered[self._v] = in_world
         return ordered

@@ -204,7 +204,6 @@ class StandingKinematics(InverseKinematics):
         super().__init__(self.plant)
         free = np.inf
         for side, (x, y) in zip(Side, places, strict=True):
-            p_FS = robot.X_FootSole[side].translation()
             # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
             points: Any = (
                 ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
@@ -214,7 +213,7 @@ class StandingKinematics(InverseKinematics):
             for p_SQ, lower, upper in points:
                 self.AddPositionConstraint(
                     frameB=self.plant.GetFrameByName(robot.foot_bodies[side]),
-                    p_BQ=p_FS + p_SQ,
+                    p_BQ=robot.X_FootSole[side].translation() + p_SQ,
                     frameA=self.plant.world_frame(),
                     p_AQ_lower=lower,
                     p_AQ_upper=upper,

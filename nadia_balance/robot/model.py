@@ -249,12 +249,15 @@ class RobotModel:
             )
 
         others = shapes(set(plant.GetBodyIndices(instance)) - left - right)
-        feet = [plant.GetBodyByName(n) for n in self.foot_bodies.values()]
+        feet = {
+            plant.GetBodyByName(name).index()
+            for name in self.foot_bodies.values()
+        }
         scene_graph.collision_filter_manager().Apply(
             CollisionFilterDeclaration()
             .ExcludeWithin(shapes(left))
             .ExcludeWithin(shapes(right))
-            .ExcludeWithin(shapes(foot.index() for foot in feet))
+            .ExcludeWithin(shapes(feet))
             .ExcludeWithin(others)
             .ExcludeBetween(others, shapes(left | right))
         )

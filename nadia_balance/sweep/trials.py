@@ -274,12 +274,15 @@ def _parsed(line: dict[str, str]) -> Row:
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
-    numbers = [value for name, value in row.items() if name not in _TEXTS]
     if not (
         tuple(line) == COLUMNS
         and row["outcome"] in OUTCOMES
         and row["mechanisms"] in NAMED
-        and all(type(x) in (int, float, type(None)) for x in numbers)
+        and all(
+            type(value) in (int, float, type(None))
+            for name, value in row.items()
+            if name not in _TEXTS
+        )
         and 0.0 <= row["delta_v"] <= MOST
         and 0.0 <= row["direction_deg"] <= 360.0
         and row["replica"] >= 0

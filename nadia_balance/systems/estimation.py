@@ -1,7 +1,7 @@
 """Inertial measurement unit and joint encoders, and the state from them."""
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -76,9 +76,11 @@ def imu_place(
     body = sensors.imu_body or robot.pelvis_body
     if not plant.HasBodyNamed(body):
         raise ValueError(f"imu_body = {body!r}: must be a body of {robot.name}")
-    turn = RollPitchYaw(*np.radians(sensors.imu_rpy_deg))
-    position: Any = sensors.imu_position
-    return plant.GetBodyByName(body), RigidTransform(turn, position)
+    X_BI = RigidTransform(
+        RollPitchYaw(*np.radians(sensors.imu_rpy_deg)),
+        cast(Any, sensors.imu_position),
+    )
+    return plant.GetBodyByName(body), X_BI
 
 
 def imu_motion(

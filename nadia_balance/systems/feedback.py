@@ -279,9 +279,11 @@ class ComHeightController(LeafSystem):
                 ecmp=ecmp,
                 above=z - float(sole[2]),
             )
-        az = self._control.acceleration(
-            z, vz, desired=desired[0], rate=desired[1], sinking=sinking
-        )
         return momentum_rate(
-            place, ecmp, vertical_acceleration=az, model=self._model
+            place,
+            ecmp,
+            vertical_acceleration=self._control.acceleration(
+                z, vz, desired=desired[0], rate=desired[1], sinking=sinking
+            ),
+            model=self._model,
         )

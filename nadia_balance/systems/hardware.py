@@ -1,6 +1,6 @@
 """Between plant and controller: drives, foot forces, errors of the state."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.multibody.plant import ContactModel, MultibodyPlant
@@ -57,8 +57,9 @@ class JointDrives(LeafSystem):
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
         self._state = input_port(self, "state", plant.num_multibody_states())
-        torques = self.DeclareDiscreteState(velocities.size)
-        self.DeclareStateOutputPort("torques", torques)
+        self.DeclareStateOutputPort(
+            "torques", self.DeclareDiscreteState(velocities.size)
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
@@ -284,8 +285,9 @@ class StateSensor(LeafSystem):
         self._deviations[nq + 6 :] = imperfections.joint_speed_noise
         self._state = input_port(self, "state", size)
         self._forces = input_port(self, "foot_forces")
-        past: Any = np.full(ticks * (size + 2), np.nan)
-        self._past: Any = self.DeclareDiscreteState(past)
+        self._past: Any = self.DeclareDiscreteState(
+            cast(Any, np.full(ticks * (size + 2), np.nan))
+        )
         tickets = {self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort(
             "measured_state",

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -115,8 +115,9 @@ class PushSource(LeafSystem):
         for push in pushes:
             parameter: Any = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(BasicVector(parameter))
-        first: Any = [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
-        self._state: Any = self.DeclareDiscreteState(first)
+        self._state: Any = self.DeclareDiscreteState(
+            cast(Any, [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)])
+        )
         needs = [self.discrete_state_ticket(self._state)]
         self._active: Any = declare_cache(
             self, "active", self._calc_active, needs
@@ -276,8 +277,7 @@ class PushSource(LeafSystem):
         for i, _, f_W in self._active.Eval(context):
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = self._bodies[i]
-            tau_W: Any = np.zeros(3)
-            applied.F_Bq_W = SpatialForce(tau=tau_W, f=f_W)
+            applied.F_Bq_W = SpatialForce(tau=cast(Any, np.zeros(3)), f=f_W)
             forces.append(applied)
         output.set_value(forces)
 

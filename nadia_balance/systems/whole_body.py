@@ -1,7 +1,7 @@
 """Joint torques from a momentum rate, and the friction that they count on."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
@@ -184,8 +184,7 @@ class FrictionEstimator(LeafSystem):
         self._weight = model.mass * GRAVITY
         self._terms = input_port(self, "whole_body_terms")
         self._wrenches = input_port(self, "foot_wrenches")
-        first: Any = [params.friction, 0.0, 0.0]
-        self.DeclareDiscreteState(first)
+        self.DeclareDiscreteState(cast(Any, [params.friction, 0.0, 0.0]))
         declare_output(
             self,
             "friction",
