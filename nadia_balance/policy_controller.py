@@ -13,7 +13,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.ports import input_port, optional_input
@@ -240,8 +240,7 @@ class PolicyController(LeafSystem):
 
 def _session(onnx: Path, name: str) -> Any:
     """The network in the file `onnx`; errors begin with `name`."""
-    if not onnx.is_file():
-        raise ValueError(f"{name}: must be a file")
+    require(onnx.is_file(), f"{name}: must be a file")
     try:
         import onnxruntime  # type: ignore[import-untyped]
     except ModuleNotFoundError:
@@ -293,11 +292,11 @@ def _checked_port(network: Any, n: int, name: str) -> str:
     ):
         needed = f"tensor(float) [1, {size}]"
         types = ", ".join(f"{port.type} {port.shape}" for port in ports)
-        if types != needed:
-            raise ValueError(
-                f"{name}: must have one {kind} {needed} for {n} joints; has "
-                f"{types}"
-            )
+        require(
+            types == needed,
+            f"{name}: must have one {kind} {needed} for {n} joints; has "
+            f"{types}",
+        )
     return str(network.get_inputs()[0].name)
 
 
@@ -310,5 +309,4 @@ def _check_names(
         "has besides": [name for name in names if name not in expected],
     }
     texts = [f"{verb} {', '.join(n)}" for verb, n in faults.items() if n]
-    if texts:
-        raise ValueError(f"{message}: {'; '.join(texts)}")
+    require(not texts, f"{message}: {'; '.join(texts)}")

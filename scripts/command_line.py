@@ -29,6 +29,7 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.diagrams.verdict import RecoveryWatch
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
@@ -211,10 +212,10 @@ class CommandLine(argparse.ArgumentParser):
         """
         for flag in self._not_live:
             value = getattr(args, flag.dest)
-            if value != flag.default:
-                raise ValueError(
-                    f"{flag.dest} = {value}: must not come with --live"
-                )
+            require(
+                value == flag.default,
+                f"{flag.dest} = {value}: must not come with --live",
+            )
 
     def parse_args(  # type: ignore[override]
         self,
@@ -531,10 +532,10 @@ def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:
     reason = "--no-meshcat" if args.no_meshcat else "--plant lipm"
     for name in ("open", "hold", "port"):
         value = getattr(args, name)
-        if value not in (None, False):
-            raise ValueError(
-                f"{name} = {value}: must not come with {reason}: no Meshcat"
-            )
+        require(
+            value in (None, False),
+            f"{name} = {value}: must not come with {reason}: no Meshcat",
+        )
     return False
 
 

@@ -30,7 +30,7 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
-from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.bounds import check, require
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
@@ -373,8 +373,7 @@ def words(name: str, asked: Mapping[str, Any]) -> tuple[str, ...]:
     """
     parts = dict.fromkeys(word.strip() for word in asked[name].split(","))
     parts.pop("", None)
-    if not parts:
-        raise ValueError(f"{name} = {asked[name]!r}: must name at least one")
+    require(len(parts) > 0, f"{name} = {asked[name]!r}: must name at least one")
     return tuple(parts)
 
 

@@ -14,6 +14,7 @@ from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.estimation import lost_at, measure_estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
@@ -115,8 +116,7 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
     """
     names = robot.control_plant().GetPositionNames(False, False)[7:]
     try:
-        if not path.stat().st_size:
-            raise ValueError("it is empty")
+        require(path.stat().st_size > 0, "it is empty")
         if path.suffix == ".csv":
             log = _read_csv(path, names)
         elif path.suffix == ".npz":
@@ -177,8 +177,10 @@ def _check_sensed(log: dict[str, Array], num_joints: int) -> None:
     for name, size in sizes.items():
         if name in log and log[name].shape != (len(t), size):
             raise ValueError(f"{name} must be ({len(t)}, {size})")
-    if not 0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1]:
-        raise ValueError("t must rise in equal steps")
+    require(
+        0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1],
+        "t must rise in equal steps",
+    )
     if log["imu"][0, 5] < 0.0:
         raise ValueError("force_z must be 9.81 m/s^2 while it stands")
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from nadia_balance.core.walking.push import SHAPES, random_pushes
 from nadia_balance.diagrams.scenario import Scenario, scenario_names
+from nadia_balance.parameters.bounds import require
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
@@ -99,12 +100,13 @@ def _pushed_at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
     """With --random pushes instead, for which gait and run are long enough."""
     drawn = {"at": args.at, "direction": args.direction, "shape": args.shape}
     for name, value in drawn.items():
-        if value is not None:
-            raise ValueError(f"{name} = {value!r}: must not come with --random")
-    if not 1 <= args.random <= MOST_RANDOM:
-        raise ValueError(
-            f"random = {args.random}: must be in [1, {MOST_RANDOM}]"
+        require(
+            value is None, f"{name} = {value!r}: must not come with --random"
         )
+    require(
+        1 <= args.random <= MOST_RANDOM,
+        f"random = {args.random}: must be in [1, {MOST_RANDOM}]",
+    )
     largest = scenario.pushes[0].delta_v
     if largest is None:
         raise ValueError("delta_v: must be given with --random")

@@ -27,8 +27,9 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import BodyIndex, Joint, RevoluteJoint, RigidBody
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.plants import actuators, joints
-from nadia_balance.robot.urdf import hull_points, require
+from nadia_balance.robot.urdf import hull_points
 
 # Time constant of contacts and joint limits, which are damped springs [s];
 # MuJoCo needs two steps or more.  Its default, 0.02, is as soft as a mat.

@@ -19,6 +19,7 @@ from nadia_balance.core.whole_body.command import (
     WholeBodyTerms,
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import (
     body_poses,
@@ -26,7 +27,6 @@ from nadia_balance.robot.plants import (
     joints,
     joints_above,
 )
-from nadia_balance.robot.urdf import require
 
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)

@@ -17,13 +17,13 @@ from pydrake.solvers import SnoptSolver
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.plants import (
     actuators,
     effort_limits,
     is_pitch,
     joints_above,
 )
-from nadia_balance.robot.urdf import require
 
 if TYPE_CHECKING:
     from nadia_balance.robot.model import RobotModel

@@ -25,7 +25,7 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
-from nadia_balance.parameters.bounds import check, check_number
+from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.parameters.yaml_reader import load_tree, load_typed
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
@@ -43,7 +43,6 @@ from nadia_balance.robot.urdf import (
     foot_width,
     naming,
     remarks_on,
-    require,
     with_lengths,
 )
 

@@ -29,6 +29,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.plants import actuators, is_pitch, joints, joints_above
 
@@ -121,20 +122,6 @@ def check_urdf(urdf: Path) -> None:
                 f"lower limit of {name} = {lower}: must be <= its upper "
                 f"limit = {upper}",
             )
-
-
-def require(fulfilled: bool, message: str) -> None:
-    """Requires a condition.
-
-    Args:
-        fulfilled: the condition.
-        message: of the error.
-
-    Raises:
-        ValueError: it is not fulfilled.
-    """
-    if not fulfilled:
-        raise ValueError(message)
 
 
 def _number(text: str | None) -> float:

@@ -21,6 +21,7 @@ from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.verdict import RecoveryWatch, push_signal
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import load_typed
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.results.summary import Run
@@ -62,11 +63,11 @@ def open_workers(
     """
     dask: Any = distributed
     if scheduler is None:
-        if not 1 <= workers <= MOST_WORKERS:
-            raise ValueError(
-                f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 "
-                "for each core"
-            )
+        require(
+            1 <= workers <= MOST_WORKERS,
+            f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 "
+            "for each core",
+        )
         with (
             dask.LocalCluster(
                 n_workers=workers,
@@ -93,8 +94,10 @@ def open_workers(
             f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
         ) from None
     with client:
-        if not client.nthreads():
-            raise ValueError(f"scheduler = {scheduler!r}: must have workers")
+        require(
+            len(client.nthreads()) > 0,
+            f"scheduler = {scheduler!r}: must have workers",
+        )
         yield client.get_executor(pure=False)
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import AT, Scenario
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import (
     Cell,
@@ -107,11 +107,11 @@ class Sweep:
         for name, scenario in self.scenarios.items():
             given = scenario.robot, scenario.seed, scenario.engine
             shared = self.one.robot, self.one.seed, self.one.engine
-            if len(scenario.pushes) != 1 or given != shared:
-                raise ValueError(
-                    f"scenario_name = {name!r}: must have one push, and the "
-                    "robot, seed and engine of the other scenarios"
-                )
+            require(
+                len(scenario.pushes) == 1 and given == shared,
+                f"scenario_name = {name!r}: must have one push, and the "
+                "robot, seed and engine of the other scenarios",
+            )
         for cell in self.cells():
             if cell.direction_deg == self.directions[0]:
                 check(self.walk(cell, replica=0))

@@ -21,6 +21,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import STANDING, Scenario
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing, locked
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
@@ -198,15 +199,15 @@ class Rows:
             text = path.read_text(encoding="utf-8")
             first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
             identity = json.loads(first.removeprefix("# "))
-            if not {*IDENTITY} <= {*identity}:
-                raise ValueError("its first line is of no sweep")
+            require({*IDENTITY} <= {*identity}, "its first line is of no sweep")
             rows = [
                 _parsed(line) for line in csv.DictReader(io.StringIO(lines))
             ]
-            if not {row["scenario"] for row in rows} <= {
-                *identity["scenario"].split(",")
-            }:
-                raise ValueError("a scenario is not of the first line")
+            require(
+                {row["scenario"] for row in rows}
+                <= {*identity["scenario"].split(",")},
+                "a scenario is not of the first line",
+            )
             return cls(folder, identity, rows)
         except (
             OSError,
@@ -245,12 +246,12 @@ class Rows:
                 cls.read(folder) if path.exists() else cls(folder, identity, [])
             )
             for name in identity | rows.identity:
-                if identity.get(name) != rows.identity.get(name):
-                    raise ValueError(
-                        f"{name} = {identity.get(name)}: must be "
-                        f"{rows.identity.get(name)} as in {path}, or --out "
-                        "another folder"
-                    )
+                require(
+                    identity.get(name) == rows.identity.get(name),
+                    f"{name} = {identity.get(name)}: must be "
+                    f"{rows.identity.get(name)} as in {path}, or --out "
+                    "another folder",
+                )
             rows._write()  # without a torn line
             with open(path, "a", encoding="utf-8", newline="") as rows.file:
                 yield rows

@@ -16,7 +16,7 @@ from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side, whole_ticks
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import Input, input_port
@@ -113,11 +113,11 @@ class FootForceSensor(LeafSystem):
         super().__init__()
         step = plant.time_step()
         self._steps = round(period / step) if step > 0.0 else 0
-        if self._steps < 1 or abs(self._steps * step - period) > 1e-9:
-            raise ValueError(
-                f"period = {period}: must be a multiple of the plant's "
-                f"time_step = {step} s"
-            )
+        require(
+            self._steps >= 1 and abs(self._steps * step - period) <= 1e-9,
+            f"period = {period}: must be a multiple of the plant's "
+            f"time_step = {step} s",
+        )
         engine = engine or plant
         if engine is plant and plant.get_contact_model() != ContactModel.kPoint:
             raise ValueError("contact_model of the plant: must be point")

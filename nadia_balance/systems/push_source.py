@@ -27,7 +27,7 @@ from nadia_balance.core.walking.state import (
     number_of_ticks,
     whole_ticks,
 )
-from nadia_balance.parameters.bounds import check, check_number
+from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.systems.ports import (
     declare_cache,
     declare_output,
@@ -372,6 +372,8 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     Raises:
         ValueError: the plant has no such body.
     """
-    if name == "world" or not plant.HasBodyNamed(name):
-        raise ValueError(f"body = {name!r}: must be a body of the robot")
+    require(
+        name != "world" and plant.HasBodyNamed(name),
+        f"body = {name!r}: must be a body of the robot",
+    )
     return plant.GetBodyByName(name)

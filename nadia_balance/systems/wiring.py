@@ -15,6 +15,8 @@ from pydrake.systems.framework import (
     System,
 )
 
+from nadia_balance.parameters.bounds import require
+
 
 def connect(
     builder: DiagramBuilder,
@@ -61,11 +63,10 @@ def fill(
             lacks an output of its role.
     """
     for role, block in blocks.items():
-        if role not in makers:
-            raise ValueError(
-                f"block = {role!r}: must be one of "
-                f"{', '.join((*makers, *others))}"
-            )
+        require(
+            role in makers,
+            f"block = {role!r}: must be one of {', '.join((*makers, *others))}",
+        )
         if block is not None:
             _check_block(role, block, outputs[role])
     filled = {
@@ -79,11 +80,11 @@ def _check_block(role: str, block: object, outputs: Collection[str]) -> None:
     if not isinstance(block, System):
         raise ValueError(f"{role} = {block!r}: must be a System, made already")
     for name in outputs:
-        if not block.HasOutputPort(name):
-            raise ValueError(
-                f"{role} = {type(block).__name__}: must have the output port "
-                f"{name!r}"
-            )
+        require(
+            block.HasOutputPort(name),
+            f"{role} = {type(block).__name__}: must have the output port "
+            f"{name!r}",
+        )
 
 
 def wire(
