@@ -231,8 +231,9 @@ class PolicyController(LeafSystem):
         state = self._state(context)
         action: Any = context.get_discrete_state(self._memory).value()[:-2]
         target = self._q0 + self.params.action_scale * action
-        torques = self._kp * (target - state[self._q])
-        torques -= self._kd * state[self._v]
+        torques = (
+            self._kp * (target - state[self._q]) - self._kd * state[self._v]
+        )
         output.SetFromVector(
             torques.clip(-self._limits, self._limits)[self._actuators]
         )
@@ -272,15 +273,13 @@ def _metadata(network: Any, name: str) -> tuple[list[str], Any, Any]:
         )
     except (TypeError, ValueError):  # no JSON, or lists of several lengths
         names, gains = [], np.zeros((2, 0))
-    if (
-        not names
-        or gains.shape != (2, len({*names}))
-        or not np.all((gains >= 0.0) & np.isfinite(gains))
-    ):
-        raise ValueError(
-            f"{name}: must have lists in JSON as metadata: dof_names, as many "
-            "kp >= 0 and kd >= 0"
-        )
+    require(
+        len(names) > 0
+        and gains.shape == (2, len({*names}))
+        and bool(np.all((gains >= 0.0) & np.isfinite(gains))),
+        f"{name}: must have lists in JSON as metadata: dof_names, as many "
+        "kp >= 0 and kd >= 0",
+    )
     return names, gains[0], gains[1]
 
 

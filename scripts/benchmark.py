@@ -31,7 +31,6 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import command_line
 
-GAINS = PdControllerGains(p=3000.0, d=100.0)  # of the joints of a plant alone
 LONGEST = 3600  # [s]
 START = 1.0  # start of the measurement, while the robot steps [s]
 ROUNDS, TICKS = 10, 500  # rounds of plant and loop; ticks one by one
@@ -135,11 +134,12 @@ def plant_alone(scenario: Scenario) -> Simulator:
         Its simulation, at the start.
     """
     builder = DiagramBuilder()
-    robot = load_robot(scenario.robot, scenario.fidelity)
-    plant, _ = robot.add_plant_to(builder, scenario.time_step)
+    plant, _ = load_robot(scenario.robot, scenario.fidelity).add_plant_to(
+        builder, scenario.time_step
+    )
     joints = []
     for actuator in actuators(plant):
-        actuator.set_controller_gains(GAINS)
+        actuator.set_controller_gains(PdControllerGains(p=3000.0, d=100.0))
         joints.append(actuator.joint().position_start())
     simulator = Simulator(builder.Build())
     context = plant.GetMyContextFromRoot(simulator.get_mutable_context())

@@ -191,15 +191,8 @@ class CommandLine(argparse.ArgumentParser):
             epilog=f"Exit code: {codes}" if codes else "",
             **more,
         )
-        self._not_live: list[argparse.Action] = []
-
-    def not_with_live(self, flag: argparse.Action) -> None:
-        """Marks a flag that has no effect with --live.
-
-        Args:
-            flag: as `add_argument` returns it.
-        """
-        self._not_live.append(flag)
+        # Flags that have no effect with --live.
+        self.not_live: list[argparse.Action] = []
 
     def refuse_with_live(self, args: argparse.Namespace) -> None:
         """Refuses the flags that have no effect with --live.
@@ -210,7 +203,7 @@ class CommandLine(argparse.ArgumentParser):
         Raises:
             ValueError: such a flag was given.
         """
-        for flag in self._not_live:
+        for flag in self.not_live:
             value = getattr(args, flag.dest)
             require(
                 value == flag.default,
@@ -297,7 +290,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         "estimates it from noisy sensors",
     )
     group.add_argument("--mechanisms", help=MECHANISMS)
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--command",
             type=velocity,
@@ -311,7 +304,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         help=f"{', '.join((terrain.FLAT, *terrain.COURSES))}, or a YAML file "
         "of regions; push.py takes the scenario of this name, if there is one",
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument("--duration", type=finite, help="[s]")
     )
     group.add_argument(
@@ -323,7 +316,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         default="humanoid",
         help="the robot, or the point mass it stands for",
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--controller",
             type=place,
@@ -335,7 +328,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
 
 def _output_flags(parser: CommandLine) -> None:
     group = parser.add_argument_group("output")
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--out",
             type=place,
@@ -343,7 +336,7 @@ def _output_flags(parser: CommandLine) -> None:
             "runs/<date>_<time>_<scenario>)",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--no-meshcat", action="store_true", help="and no replay.html"
         )
@@ -352,7 +345,7 @@ def _output_flags(parser: CommandLine) -> None:
     group.add_argument(
         "--open", action="store_true", help="show Meshcat in a browser"
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--hold", action="store_true", help="keep Meshcat until Enter"
         )

@@ -97,8 +97,9 @@ def _write(folder: Path, log: Log, run: dict[str, Any]) -> None:
     """Writes FILES; the title of the plot tells of the `run`."""
     with appearing(folder) as drafts, mpl.rc_context(cast(Any, RC)):
         np.savez(drafts / FILES[0], **cast(Any, log))
-        figure: Any = draw_estimate(log, run | {"pushes": [], "fell_at": None})
-        figure.savefig(drafts / FILES[1])
+        cast(
+            Any, draw_estimate(log, run | {"pushes": [], "fell_at": None})
+        ).savefig(drafts / FILES[1])
 
 
 def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:

@@ -35,21 +35,21 @@ def _push_flags(parser: command_line.CommandLine) -> None:
     group = parser.add_argument_group(
         "push", "The scenario's first push, as it is there; or a new one."
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--direction",
             help="degrees (0 forward, 90 left), or forward, backward, inward, "
             "outward, seen from the stance foot",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--delta-v",
             type=command_line.finite,
             help="change of the robot's velocity [m/s]",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--at",
             help='when it begins: in a phase, such as "right swing 25 %%" (the '
@@ -58,12 +58,12 @@ def _push_flags(parser: command_line.CommandLine) -> None:
             "nowhere",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--shape", help=f"of the force over time: {', '.join(SHAPES)}"
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--random",
             type=int,
@@ -91,12 +91,10 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
         at=args.at,
         shape=args.shape,
     )
-    if args.random is None:
-        return scenario
-    return _pushed_at_random(args, scenario)
+    return scenario if args.random is None else _at_random(args, scenario)
 
 
-def _pushed_at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
+def _at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
     """With --random pushes instead, for which gait and run are long enough."""
     drawn = {"at": args.at, "direction": args.direction, "shape": args.shape}
     for name, value in drawn.items():

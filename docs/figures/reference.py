@@ -235,11 +235,14 @@ def scenarios() -> Iterator[str]:
     Yields:
         Lines of Markdown.
     """
-    rows = []
-    for name in scenario_names():
-        one = load_scenario(name)
-        rows.append((f"`{name}`", one.description, one.robot, one.mechanisms))
-    yield from table(("scenario", "", "robot", "mechanisms"), *rows)
+    named = {name: load_scenario(name) for name in scenario_names()}
+    yield from table(
+        ("scenario", "", "robot", "mechanisms"),
+        *(
+            (f"`{name}`", one.description, one.robot, one.mechanisms)
+            for name, one in named.items()
+        ),
+    )
 
 
 def fields(prefix: str, params: Any) -> Iterator[tuple[str, str, str, str]]:

@@ -206,14 +206,17 @@ class MujocoModel:
                 continue
             address = model.joint(str(int(joint.index())))
             q, v = int(address.qposadr[0]), int(address.dofadr[0])
-            q_drake, v_drake = joint.position_start(), joint.velocity_start()
             if joint.num_velocities() == 1:
-                self._q[q] = q_drake
-                self._v[v] = v_drake
+                self._q[q] = joint.position_start()
+                self._v[v] = joint.velocity_start()
                 model.dof_damping[v] = joint.default_damping_vector()[0]
             else:
-                self._q[q : q + 7] = q_drake + np.array([4, 5, 6, 0, 1, 2, 3])
-                self._v[v : v + 6] = v_drake + np.array([3, 4, 5, 0, 1, 2])
+                self._q[q : q + 7] = joint.position_start() + np.array(
+                    [4, 5, 6, 0, 1, 2, 3]
+                )
+                self._v[v : v + 6] = joint.velocity_start() + np.array(
+                    [3, 4, 5, 0, 1, 2]
+                )
                 self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
         names = (model.body(i).name for i in model.geom_bodyid)

@@ -301,11 +301,11 @@ class PointMassPlant(LeafSystem):
     def _step(self, context: Context, state: State) -> None:
         t = self._period
         com = ComState(context.get_discrete_state(self._com).value().copy())
-        push = self._push(context)[:2] / self._stiffness
         com.position[:2], com.velocity[:2] = com_after(
             com=com.position[:2],
             com_velocity=com.velocity[:2],
-            ecmp=self._ecmp(context).ecmp - push,
+            ecmp=self._ecmp(context).ecmp
+            - self._push(context)[:2] / self._stiffness,
             omega=self._omega,
             t=t,
         )

@@ -65,8 +65,10 @@ class CollisionAvoidance:
             shape: _Shape(inspector, plant, shape)
             for shape in itertools.chain.from_iterable(candidates)
         }
-        bodies = {shape.body.index() for shape in self._shapes.values()}
-        self._bodies = [plant.get_body(body) for body in sorted(bodies)]
+        self._bodies = [
+            plant.get_body(body)
+            for body in sorted({s.body.index() for s in self._shapes.values()})
+        ]
         self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper_body = _upper_body(robot, plant)
         arm_attention = max(params.arm_attention, params.attention)

@@ -223,8 +223,9 @@ def whole_body_model(
         )
     is_leg_joint = np.zeros(lower.size, dtype=bool)
     for foot in robot.foot_bodies.values():
-        leg = joints_above(plant, foot)
-        is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
+        is_leg_joint[
+            [leg.velocity_start() - 6 for leg in joints_above(plant, foot)]
+        ] = True
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,

@@ -251,6 +251,5 @@ class StandingKinematics(InverseKinematics):
         self._program.SetInitialGuess(self.q(), q)
         self._program.SetInitialGuess(self._com, com)
         result = SnoptSolver().Solve(self._program)
-        if not result.is_success():
-            return None
-        return np.asarray(result.GetSolution(self.q()))
+        positions = np.asarray(result.GetSolution(self.q()))
+        return positions if result.is_success() else None

@@ -337,8 +337,11 @@ class RobotModel:
     def _stance(self, width: float) -> Array | None:
         """Positions (nq,), standing at the origin; None if there are none."""
         com = [0.0, 0.0, self.com_height]
-        soles = np.array([[0.0, 0.5 * width], [0.0, -0.5 * width]])
-        ik = StandingKinematics(self, soles, (com, com))
+        ik = StandingKinematics(
+            self,
+            places=np.array([[0.0, 0.5 * width], [0.0, -0.5 * width]]),
+            com=(com, com),
+        )
         upright: Any = [1.0, 0.0, 0.0, 0.0]
         ik.prog().AddBoundingBoxConstraint(upright, upright, ik.q()[:4])
         q = np.zeros(ik.plant.num_positions())

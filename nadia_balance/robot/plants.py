@@ -181,7 +181,6 @@ def scale_friction(
         ratio: factor on static and dynamic friction [-].
     """
     inspector = scene_graph.model_inspector()
-    source: Any = plant.get_source_id()
     for i in range(plant.num_bodies()):
         for shape in plant.GetCollisionGeometriesForBody(
             plant.get_body(BodyIndex(i))
@@ -196,7 +195,7 @@ def scale_friction(
                 ),
             )
             scene_graph.AssignRole(
-                source_id=source,
+                source_id=cast(Any, plant.get_source_id()),
                 geometry_id=shape,
                 properties=properties,
                 assign=RoleAssign.kReplace,

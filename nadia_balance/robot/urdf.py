@@ -315,10 +315,11 @@ def with_lengths(
     axes = [_pitch_axes(plant, straight, foot) for foot in feet]
     if all(axes):
         bones = np.diff(axes[0], axis=0)[:, [0, 2]]  # in the sagittal plane
-        hips = [_pitch_axes(plant, standing, foot)[0][2] for foot in feet]
         legs["length"] = np.linalg.norm(bones, axis=1).sum()
         legs["ankle_height"] = axes[0][2][2] - left[2] - sole.z
-        legs["com_above_hip"] = com - 0.5 * sum(hips)
+        legs["com_above_hip"] = com - 0.5 * sum(
+            _pitch_axes(plant, standing, foot)[0][2] for foot in feet
+        )
     ground = [_position(plant, standing, foot, sole.z)[2] for foot in feet]
     return replace(
         _filled(params, {"com_height": com - 0.5 * sum(ground)}, given),
@@ -345,8 +346,10 @@ def _position(
     plant: MultibodyPlant, context: Context, body: str, z: float = 0.0
 ) -> Array:
     """Position (3,) [m] in W of the point [0, 0, z] of a body."""
-    X_WB = plant.GetBodyByName(body).EvalPoseInWorld(context)
-    return np.asarray(X_WB @ np.array([0.0, 0.0, z]))
+    return np.asarray(
+        plant.GetBodyByName(body).EvalPoseInWorld(context)
+        @ np.array([0.0, 0.0, z])
+    )
 
 
 def _pitch_axes(

@@ -148,11 +148,15 @@ def protocol_of(robot: str, situation: Situation) -> Protocol | None:
         The figure, if there is one.
     """
     scenario, at = situation
-    for protocol in PROTOCOLS.values():
-        names = protocol.scenario_name.split(",")
-        if protocol.robot == robot and protocol.at == at and scenario in names:
-            return protocol
-    return None
+    return next(
+        (
+            protocol
+            for protocol in PROTOCOLS.values()
+            if (protocol.robot, protocol.at) == (robot, at)
+            and scenario in protocol.scenario_name.split(",")
+        ),
+        None,
+    )
 
 
 @dataclass(frozen=True)
@@ -215,10 +219,9 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         ValueError: as limits_of.
     """
     groups = rows.by_cell()
-    robot = rows.identity["robot"]
     situations = sorted(
         {cell[:2] for cell in groups},
-        key=lambda one: (protocol_of(robot, one) is None, one),
+        key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
     mechanisms = [name for name in NAMED if name in tried]

@@ -121,10 +121,10 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
-    complete = sum(record["complete"] for record in limits.records)
     done = {
         "1 m/s": f"{model.mass:.1f} N s, {1.0 / speed:.3f} sqrt(g z)",
-        "limits": f"{complete} of {len(limits.records)} complete",
+        "limits": f"{sum(record['complete'] for record in limits.records)} "
+        f"of {len(limits.records)} complete",
         "trials": outcomes(rows),
         **{name: str(value) for name, value in limits.identity.items()},
     }
@@ -177,8 +177,8 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    titles = map(limits.title, limits.mechanisms)
-    return kind[1], table(["direction", *titles], lines)
+    head = ["direction", *map(limits.title, limits.mechanisms)]
+    return kind[1], table(head, lines)
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:
@@ -222,9 +222,8 @@ def mark(records: Iterable[Record]) -> str:
     Returns:
         `~` if a search has not ended, or knows no push that failed.
     """
-    if all(one["complete"] and one["failed"] is not None for one in records):
-        return ""
-    return "~"
+    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
+    return "" if is_sure else "~"
 
 
 def draw_envelope(limits: LimitTable) -> Figure:

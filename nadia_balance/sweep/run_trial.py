@@ -219,8 +219,11 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
         dump(walk), sweep.plant, sweep.controller, threading.get_ident()
     )
     try:
-        push = simulation.pushed(diagram, walked, delta_v, cell.direction_deg)
-        verdict = _ended(diagram, push, run)
+        verdict = _ended(
+            diagram,
+            simulation.pushed(diagram, walked, delta_v, cell.direction_deg),
+            run,
+        )
     except Exception as error:
         verdict = {
             "outcome": "error",

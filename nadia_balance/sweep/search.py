@@ -168,9 +168,11 @@ class Sweep:
             mechanisms=cell.mechanisms,
             seed=scenario.seed + replica,
         )
-        period = scenario.controller.control_period
-        if self.plant == "lipm":
-            period = scenario.lipm_period
+        period = (
+            scenario.lipm_period
+            if self.plant == "lipm"
+            else scenario.controller.control_period
+        )
         scenario.pushes[0].delay += (replica % 2) * period
         return scenario
 

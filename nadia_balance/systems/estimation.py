@@ -187,8 +187,7 @@ class Imu(LeafSystem):
             turn: Any = RotationMatrix(last_R.T @ R).ToAngleAxis()
             rate = turn.angle() * turn.axis() / self._period
             R_mean = last_R @ gammas(0.5 * self._period * rate)[0]
-            dv = v - last["motion"][9:]
-            force = (dv / self._period - _G) @ R_mean
+            force = ((v - last["motion"][9:]) / self._period - _G) @ R_mean
         random = np.random.default_rng((self._seed, tick, 1))
         walked, noise = random.standard_normal(6), random.standard_normal(9)
         bias = last["bias"] + (self._walk if tick else self._bias) * walked
@@ -355,8 +354,9 @@ class StateEstimator(LeafSystem):
         X_BI, V_BI, legs = self._legs(context, joints, imu[6:])
         loads = self._forces(context) / self._weight
         if last["cov"].any():
-            least = np.where(last["loaded"] > 0.0, RELEASED, LANDED)
-            loaded = (last["loaded"] + 1.0) * (loads > least)
+            loaded = (last["loaded"] + 1.0) * (
+                loads > np.where(last["loaded"] > 0.0, RELEASED, LANDED)
+            )
             parts = {name: last[name].reshape(n) for name, n in _SHAPES.items()}
             estimate = self._filter.predict(Estimate(**parts), imu[:6])
         else:
@@ -436,8 +436,11 @@ class StateEstimator(LeafSystem):
             self._plant, plant_context, body=self._body, X_BI=self._X_BodyI
         )
         v = J[:, 3:] @ joints[n:] - p @ skew(rate)
-        V_BI = np.array((V.rotational(), V.translational()))
-        return X_BI, V_BI, Legs(p=p, R=R, J=J, v=v)
+        return (
+            X_BI,
+            np.array((V.rotational(), V.translational())),
+            Legs(p=p, R=R, J=J, v=v),
+        )
 
     def _pelvis(
         self, estimate: Estimate, imu: Array, X_BI: Any, V_BI: Array

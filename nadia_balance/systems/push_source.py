@@ -235,8 +235,11 @@ class PushSource(LeafSystem):
             row[:2] = _EXPECTED, _yaw(walking_state)
         if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
-            ticks = len(self._shares[i]) + self._delays[i]
-            row[:] = ticks, row[1] + math.radians(direction_deg), newtons
+            row[:] = (
+                len(self._shares[i]) + self._delays[i],
+                row[1] + math.radians(direction_deg),
+                newtons,
+            )
 
     def _calc_active(
         self, context: Context, _: object

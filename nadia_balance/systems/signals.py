@@ -1,6 +1,6 @@
 """The signals between blocks: a signal has the name of its ports."""
 
-from typing import Any
+from typing import Any, cast
 
 from pydrake.common import containers
 from pydrake.systems.framework import Context, OutputPort
@@ -279,5 +279,4 @@ def read(port: OutputPort, root: Context) -> Any:
     Returns:
         The vector, or the Python value.
     """
-    system: Any = port.get_system()
-    return port.Eval(system.GetMyContextFromRoot(root))
+    return port.Eval(cast(Any, port.get_system()).GetMyContextFromRoot(root))

@@ -219,10 +219,13 @@ class CentroidalEstimator(LeafSystem):
     def _calc_alip_icp(self, context: Context) -> Array:
         terms = self._terms.Eval(context)
         com = ComState(terms.com_state)
-        velocity = alip_velocity(
-            com.velocity[:2], terms.angular_momentum, self._height
+        return icp(
+            com.position[:2],
+            alip_velocity(
+                com.velocity[:2], terms.angular_momentum, self._height
+            ),
+            self._omega,
         )
-        return icp(com.position[:2], velocity, self._omega)
 
 
 def foot_poses(terms: WholeBodyTerms) -> FootPoses:

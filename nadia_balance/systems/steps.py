@@ -94,8 +94,9 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if state.schedule.phase is not Phase.SWING:
             return None
         geometry = last.geometry if last else None
-        key = geometry_key(state.schedule, mechanisms)
-        if geometry is None or geometry.key != key:
+        if geometry is None or geometry.key != geometry_key(
+            state.schedule, mechanisms
+        ):
             geometry = SwingGeometry(
                 state.schedule, self._params, model=self._model, on=mechanisms
             )

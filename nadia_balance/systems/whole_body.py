@@ -119,9 +119,8 @@ class WholeBodyInverseDynamics(LeafSystem):
             )
         unsolved = last["unsolved"][0]
         last_status = QpStatus(last["whole_body_qp_status"])
-        torques = None
-        if last_status.solved or unsolved:  # false before the first tick only
-            torques = last["torques"]
+        has_torques = last_status.solved or unsolved  # not in the first tick
+        torques = last["torques"] if has_torques else None
         status: tuple[float, ...] = (
             0.0,
             0.0,

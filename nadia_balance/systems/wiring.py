@@ -5,7 +5,7 @@ connected to what.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any
+from typing import cast
 
 from pydrake.systems.framework import (
     DiagramBuilder,
@@ -143,14 +143,12 @@ def wire(
 def _check_kind(label: str, port: InputPort, source: OutputPort) -> None:
     kind, needed = _kind(port), _kind(source)
     if kind != needed:
-        system: Any = source.get_system()
+        name = cast(System, source.get_system()).get_name()
         raise ValueError(
-            f"{label} must be {needed}, as {system.get_name()}'s output; "
-            f"it is {kind}"
+            f"{label} must be {needed}, as {name}'s output; it is {kind}"
         )
 
 
 def _kind(port: InputPort | OutputPort) -> str:
-    if port.get_data_type() == PortDataType.kAbstractValued:
-        return "abstract"
-    return f"a vector of {port.size()}"
+    is_abstract = port.get_data_type() == PortDataType.kAbstractValued
+    return "abstract" if is_abstract else f"a vector of {port.size()}"
