@@ -400,11 +400,11 @@ def _walking_by(velocity: Sequence[float], scenario: Scenario) -> Scenario:
     Raises ValueError: --scenario_text has steps.
     """
     for name in ("num_steps", "steps", "footholds"):
-        if scenario.sources.get(f"gait.{name}") == "scenario_text":
-            raise ValueError(
-                f"gait.{name} = {getattr(scenario.gait, name)!r}: must not "
-                "come with commands"
-            )
+        require(
+            scenario.sources.get(f"gait.{name}") != "scenario_text",
+            f"gait.{name} = {getattr(scenario.gait, name)!r}: must not come "
+            "with commands",
+        )
     forward, left, turn = velocity
     return scenario.walking_by(Command(forward=forward, left=left, turn=turn))
 
@@ -507,11 +507,11 @@ def policy_of(args: argparse.Namespace) -> str:
     """
     if args.controller is None:
         return ""
-    if args.plant == "lipm" or args.mechanisms is not None:
-        raise ValueError(
-            f"controller = {str(args.controller)!r}: must not come with "
-            "plant = lipm or mechanisms"
-        )
+    require(
+        args.plant != "lipm" and args.mechanisms is None,
+        f"controller = {str(args.controller)!r}: must not come with "
+        "plant = lipm or mechanisms",
+    )
     return str(args.controller.resolve())
 
 

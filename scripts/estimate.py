@@ -176,8 +176,10 @@ def _check_sensed(log: dict[str, Array], num_joints: int) -> None:
         "state": 13 + 2 * num_joints,
     }
     for name, size in sizes.items():
-        if name in log and log[name].shape != (len(t), size):
-            raise ValueError(f"{name} must be ({len(t)}, {size})")
+        require(
+            name not in log or log[name].shape == (len(t), size),
+            f"{name} must be ({len(t)}, {size})",
+        )
     require(
         0.0 < np.ptp(np.diff(t)) + t[1] < 1.02 * t[1],
         "t must rise in equal steps",

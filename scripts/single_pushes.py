@@ -329,7 +329,6 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         name: envelope.scenario_of(args, name)
         for name in envelope.words("scenario_name", values)
     }
-    robot = next(iter(scenarios.values())).robot
     sweep = SinglePushes(
         share=args.share,
         drawn=drawn(scenarios, mechanisms, count) if count else {},
@@ -339,7 +338,12 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         directions=envelope.directions(values),
         at=envelope.moments(values),
         mechanisms=(mechanisms,),
-        known_limits=_limits_of(args.limits, figure, robot, mechanisms),
+        known_limits=_limits_of(
+            args.limits,
+            figure,
+            robot=next(iter(scenarios.values())).robot,
+            mechanisms=mechanisms,
+        ),
     )
     sweep.validate()
     for name in scenarios:

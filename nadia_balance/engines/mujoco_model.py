@@ -101,9 +101,10 @@ class MujocoModel:
         if body.index() in self._bodies:
             return self._bodies[body.index()]
         joint = self._inboard[body.index()]
-        X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
-        X_PB = X_PF @ X_BM.inverse()
+        X_PB = (
+            joint.frame_on_parent().GetFixedPoseInBodyFrame() @ X_BM.inverse()
+        )
         added = self._add_body(joint.parent_body()).add_body(
             name=str(int(body.index())),
             pos=X_PB.translation(),

@@ -177,8 +177,9 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    head = ["direction", *map(limits.title, limits.mechanisms)]
-    return kind[1], table(head, lines)
+    return kind[1], table(
+        ["direction", *map(limits.title, limits.mechanisms)], lines
+    )
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:

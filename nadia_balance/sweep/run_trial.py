@@ -262,8 +262,11 @@ def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> Row:
 
     def decided(context: Context) -> bool:
         nonlocal at_push
-        is_over = push_signal(diagram, context).waiting == 0.0
-        if has_plan and at_push is None and is_over:
+        if (
+            has_plan
+            and at_push is None
+            and push_signal(diagram, context).waiting == 0.0
+        ):
             at_push = limit_from(
                 diagram, context, model=scenario.point_mass(diagram.robot)
             ).least_steps()

@@ -119,8 +119,11 @@ class FootForceSensor(LeafSystem):
             f"time_step = {step} s",
         )
         engine = engine or plant
-        if engine is plant and plant.get_contact_model() != ContactModel.kPoint:
-            raise ValueError("contact_model of the plant: must be point")
+        require(
+            engine is not plant
+            or plant.get_contact_model() == ContactModel.kPoint,
+            "contact_model of the plant: must be point",
+        )
         self._foot_of = _feet_by_contact(plant, robot)
         self._contacts = self.DeclareAbstractInputPort(
             "contact_results",

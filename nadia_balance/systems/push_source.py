@@ -314,8 +314,12 @@ class ContactClock(LeafSystem):
         self._least_force, self._period = LOADED * weight, period
         self._forces = input_port(self, "foot_forces")
         self._state: Any = self.DeclareDiscreteState(8)
-        needs = [self.discrete_state_ticket(self._state)]
-        declare_output(self, "walking_state", self._calc_walking, needs=needs)
+        declare_output(
+            self,
+            "walking_state",
+            self._calc_walking,
+            needs=[self.discrete_state_ticket(self._state)],
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
         self._standing = ContactSchedule(
             phase=Phase.STANDING,
@@ -341,8 +345,9 @@ class ContactClock(LeafSystem):
             memory.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
 
     def _calc_walking(self, context: Context) -> WalkingState:
-        state = context.get_discrete_state(self._state).value()
-        swings, side, time, steps, *lasted = state.tolist()
+        swings, side, time, steps, *lasted = (
+            context.get_discrete_state(self._state).value().tolist()
+        )
         schedule = self._standing
         duration = lasted[int(side + 1.0 + swings)]
         if duration:

@@ -113,11 +113,11 @@ def wire(
             block.get_output_port, range(block.num_output_ports())
         ):
             name = output.get_name()
-            if name in sources:
-                raise ValueError(
-                    f"{role} = {type(block).__name__}: must not have the "
-                    f"output port {name!r}, another block has it"
-                )
+            require(
+                name not in sources,
+                f"{role} = {type(block).__name__}: must not have the "
+                f"output port {name!r}, another block has it",
+            )
             sources[name] = output
             builder.ExportOutput(output, name)
     exported: set[str] = set()
