@@ -403,10 +403,9 @@ class BalanceController(Diagram):
         check_number("delay", delay, least=0.0, most=1.0, unit="s")
         tasks = tuple(tasks)
         if tasks and "whole_body_inverse_dynamics" in blocks:
-            names = ", ".join(task.name for task in tasks)
             raise ValueError(
-                f"tasks = {names}: must be given to the block that replaces "
-                "whole_body_inverse_dynamics"
+                f"tasks = {', '.join(task.name for task in tasks)}: must be "
+                "given to the block that replaces whole_body_inverse_dynamics"
             )
         period = params.control_period
         model = replace(robot.point_mass, ground=ground)

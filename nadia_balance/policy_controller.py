@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -13,7 +13,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.ports import input_port, optional_input
@@ -166,8 +166,9 @@ class PolicyController(LeafSystem):
         self._command = optional_input(
             self, "velocity_command", default=np.zeros(3)
         )
-        first: Any = [*np.zeros(len(names)), *_FIRST.values()]
-        self._memory: Any = self.DeclareDiscreteState(first)
+        self._memory: Any = self.DeclareDiscreteState(
+            cast(Any, [*np.zeros(len(names)), *_FIRST.values()])
+        )
         self.DeclareVectorOutputPort(
             "actuation",
             len(names),
@@ -188,14 +189,13 @@ class PolicyController(LeafSystem):
             The observation (3 n + 13,), see PolicyController.
         """
         state = self._state(context)
-        memory = context.get_discrete_state(self._memory).value()
         phases = self._advanced(context)
         unit = state[:4] / np.linalg.norm(state[:4])
         R_BW: Any = RotationMatrix(Quaternion(unit)).inverse()
         forward, left, yaw_rate = self._command(context)
         return np.concatenate(
             [
-                memory[:-2],
+                context.get_discrete_state(self._memory).value()[:-2],
                 self.params.gyro_scale * (R_BW @ state[self._spin]),
                 [yaw_rate],
                 [forward, left],
@@ -231,16 +231,17 @@ class PolicyController(LeafSystem):
         state = self._state(context)
         action: Any = context.get_discrete_state(self._memory).value()[:-2]
         target = self._q0 + self.params.action_scale * action
-        torques = self._kp * (target - state[self._q])
-        torques -= self._kd * state[self._v]
-        torques = torques.clip(-self._limits, self._limits)
-        output.SetFromVector(torques[self._actuators])
+        torques = (
+            self._kp * (target - state[self._q]) - self._kd * state[self._v]
+        )
+        output.SetFromVector(
+            torques.clip(-self._limits, self._limits)[self._actuators]
+        )
 
 
 def _session(onnx: Path, name: str) -> Any:
     """The network in the file `onnx`; errors begin with `name`."""
-    if not onnx.is_file():
-        raise ValueError(f"{name}: must be a file")
+    require(onnx.is_file(), f"{name}: must be a file")
     try:
         import onnxruntime  # type: ignore[import-untyped]
     except ModuleNotFoundError:
@@ -252,8 +253,9 @@ def _session(onnx: Path, name: str) -> Any:
     try:
         return onnxruntime.InferenceSession(str(onnx), options)
     except Exception as error:  # its exceptions have no class in common
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{name}: must be an ONNX model ({reason})") from None
+        raise ValueError(
+            f"{name}: must be an ONNX model ({' '.join(str(error).split())})"
+        ) from None
 
 
 def _metadata(network: Any, name: str) -> tuple[list[str], Any, Any]:
@@ -271,15 +273,13 @@ def _metadata(network: Any, name: str) -> tuple[list[str], Any, Any]:
         )
     except (TypeError, ValueError):  # no JSON, or lists of several lengths
         names, gains = [], np.zeros((2, 0))
-    if (
-        not names
-        or gains.shape != (2, len({*names}))
-        or not np.all((gains >= 0.0) & np.isfinite(gains))
-    ):
-        raise ValueError(
-            f"{name}: must have lists in JSON as metadata: dof_names, as many "
-            "kp >= 0 and kd >= 0"
-        )
+    require(
+        len(names) > 0
+        and gains.shape == (2, len({*names}))
+        and bool(np.all((gains >= 0.0) & np.isfinite(gains))),
+        f"{name}: must have lists in JSON as metadata: dof_names, as many "
+        "kp >= 0 and kd >= 0",
+    )
     return names, gains[0], gains[1]
 
 
@@ -291,11 +291,11 @@ def _checked_port(network: Any, n: int, name: str) -> str:
     ):
         needed = f"tensor(float) [1, {size}]"
         types = ", ".join(f"{port.type} {port.shape}" for port in ports)
-        if types != needed:
-            raise ValueError(
-                f"{name}: must have one {kind} {needed} for {n} joints; has "
-                f"{types}"
-            )
+        require(
+            types == needed,
+            f"{name}: must have one {kind} {needed} for {n} joints; has "
+            f"{types}",
+        )
     return str(network.get_inputs()[0].name)
 
 
@@ -308,5 +308,4 @@ def _check_names(
         "has besides": [name for name in names if name not in expected],
     }
     texts = [f"{verb} {', '.join(n)}" for verb, n in faults.items() if n]
-    if texts:
-        raise ValueError(f"{message}: {'; '.join(texts)}")
+    require(not texts, f"{message}: {'; '.join(texts)}")

@@ -31,7 +31,6 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import command_line
 
-GAINS = PdControllerGains(p=3000.0, d=100.0)  # of the joints of a plant alone
 LONGEST = 3600  # [s]
 START = 1.0  # start of the measurement, while the robot steps [s]
 ROUNDS, TICKS = 10, 500  # rounds of plant and loop; ticks one by one
@@ -105,9 +104,10 @@ def measure(scenario: Scenario, seconds: float) -> dict[str, float]:
         All measurements by name: ratios, and times of a tick [us].
     """
     plant, loop = plant_alone(scenario), start(HumanoidDiagram(scenario))
-    rates = []
-    for end in np.linspace(START, START + seconds, ROUNDS + 1):
-        rates.append([real_time_factor(it, end) for it in (plant, loop)])
+    rates = [
+        [real_time_factor(plant, end), real_time_factor(loop, end)]
+        for end in np.linspace(START, START + seconds, ROUNDS + 1)
+    ]
     alone, closed = np.transpose(rates[1:])  # without the way to START
     in_loop, ticks = tick_times(loop, plant, TICKS)
     median, p99 = 1e6 * np.percentile(ticks, [50.0, 99.0])
@@ -134,17 +134,19 @@ def plant_alone(scenario: Scenario) -> Simulator:
         Its simulation, at the start.
     """
     builder = DiagramBuilder()
-    robot = load_robot(scenario.robot, scenario.fidelity)
-    plant, _ = robot.add_plant_to(builder, scenario.time_step)
+    plant, _ = load_robot(scenario.robot, scenario.fidelity).add_plant_to(
+        builder, scenario.time_step
+    )
     joints = []
     for actuator in actuators(plant):
-        actuator.set_controller_gains(GAINS)
+        actuator.set_controller_gains(PdControllerGains(p=3000.0, d=100.0))
         joints.append(actuator.joint().position_start())
     simulator = Simulator(builder.Build())
     context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
     held = plant.GetPositions(context)[joints]
-    port = plant.get_desired_state_input_port(actuator.model_instance())
-    port.FixValue(context, np.concatenate([held, np.zeros(len(held))]))
+    plant.get_desired_state_input_port(actuator.model_instance()).FixValue(
+        context, np.concatenate([held, np.zeros(len(held))])
+    )
     return simulator
 
 
@@ -259,8 +261,11 @@ def _machine() -> str:
     """The architecture, and on Linux the processor's name."""
     names = [platform.processor()]
     with contextlib.suppress(OSError):
-        text = Path("/proc/cpuinfo").read_text()
-        names = re.findall(r"^model name\s*: (.*)", text, re.MULTILINE)
+        names = re.findall(
+            r"^model name\s*: (.*)",
+            Path("/proc/cpuinfo").read_text(),
+            re.MULTILINE,
+        )
     return " ".join([platform.machine(), *names[:1]])
 
 

@@ -29,6 +29,7 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.diagrams.verdict import RecoveryWatch
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results import pages
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.story import chapter_words, telling_lines
@@ -190,15 +191,8 @@ class CommandLine(argparse.ArgumentParser):
             epilog=f"Exit code: {codes}" if codes else "",
             **more,
         )
-        self._not_live: list[argparse.Action] = []
-
-    def not_with_live(self, flag: argparse.Action) -> None:
-        """Marks a flag that has no effect with --live.
-
-        Args:
-            flag: as `add_argument` returns it.
-        """
-        self._not_live.append(flag)
+        # Flags that have no effect with --live.
+        self.not_live: list[argparse.Action] = []
 
     def refuse_with_live(self, args: argparse.Namespace) -> None:
         """Refuses the flags that have no effect with --live.
@@ -209,12 +203,12 @@ class CommandLine(argparse.ArgumentParser):
         Raises:
             ValueError: such a flag was given.
         """
-        for flag in self._not_live:
+        for flag in self.not_live:
             value = getattr(args, flag.dest)
-            if value != flag.default:
-                raise ValueError(
-                    f"{flag.dest} = {value}: must not come with --live"
-                )
+            require(
+                value == flag.default,
+                f"{flag.dest} = {value}: must not come with --live",
+            )
 
     def parse_args(  # type: ignore[override]
         self,
@@ -296,7 +290,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         "estimates it from noisy sensors",
     )
     group.add_argument("--mechanisms", help=MECHANISMS)
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--command",
             type=velocity,
@@ -310,7 +304,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         help=f"{', '.join((terrain.FLAT, *terrain.COURSES))}, or a YAML file "
         "of regions; push.py takes the scenario of this name, if there is one",
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument("--duration", type=finite, help="[s]")
     )
     group.add_argument(
@@ -322,7 +316,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         default="humanoid",
         help="the robot, or the point mass it stands for",
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--controller",
             type=place,
@@ -334,7 +328,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
 
 def _output_flags(parser: CommandLine) -> None:
     group = parser.add_argument_group("output")
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--out",
             type=place,
@@ -342,7 +336,7 @@ def _output_flags(parser: CommandLine) -> None:
             "runs/<date>_<time>_<scenario>)",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--no-meshcat", action="store_true", help="and no replay.html"
         )
@@ -351,7 +345,7 @@ def _output_flags(parser: CommandLine) -> None:
     group.add_argument(
         "--open", action="store_true", help="show Meshcat in a browser"
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--hold", action="store_true", help="keep Meshcat until Enter"
         )
@@ -406,11 +400,11 @@ def _walking_by(velocity: Sequence[float], scenario: Scenario) -> Scenario:
     Raises ValueError: --scenario_text has steps.
     """
     for name in ("num_steps", "steps", "footholds"):
-        if scenario.sources.get(f"gait.{name}") == "scenario_text":
-            raise ValueError(
-                f"gait.{name} = {getattr(scenario.gait, name)!r}: must not "
-                "come with commands"
-            )
+        require(
+            scenario.sources.get(f"gait.{name}") != "scenario_text",
+            f"gait.{name} = {getattr(scenario.gait, name)!r}: must not come "
+            "with commands",
+        )
     forward, left, turn = velocity
     return scenario.walking_by(Command(forward=forward, left=left, turn=turn))
 
@@ -513,11 +507,11 @@ def policy_of(args: argparse.Namespace) -> str:
     """
     if args.controller is None:
         return ""
-    if args.plant == "lipm" or args.mechanisms is not None:
-        raise ValueError(
-            f"controller = {str(args.controller)!r}: must not come with "
-            "plant = lipm or mechanisms"
-        )
+    require(
+        args.plant != "lipm" and args.mechanisms is None,
+        f"controller = {str(args.controller)!r}: must not come with "
+        "plant = lipm or mechanisms",
+    )
     return str(args.controller.resolve())
 
 
@@ -531,10 +525,10 @@ def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:
     reason = "--no-meshcat" if args.no_meshcat else "--plant lipm"
     for name in ("open", "hold", "port"):
         value = getattr(args, name)
-        if value not in (None, False):
-            raise ValueError(
-                f"{name} = {value}: must not come with {reason}: no Meshcat"
-            )
+        require(
+            value in (None, False),
+            f"{name} = {value}: must not come with {reason}: no Meshcat",
+        )
     return False
 
 

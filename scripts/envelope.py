@@ -30,7 +30,7 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
-from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.bounds import check, require
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
@@ -194,8 +194,9 @@ def carry_out(
             for cell in {
                 cell.scenario: cell for cell in sweep.cells()
             }.values():
-                walk = sweep.walk(cell, replica=0)
-                closed_loop(walk, sweep.plant, sweep.controller)
+                closed_loop(
+                    sweep.walk(cell, replica=0), sweep.plant, sweep.controller
+                )
             executor = stack.enter_context(
                 run_trial.open_workers(args.workers, args.scheduler)
             )
@@ -231,20 +232,22 @@ def carry_out(
 def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
     """Writes and prints the limits; returns UNDECIDED if a cell has none."""
     if {row["outcome"] for row in rows.all} <= {UNDECIDED}:
-        reasons = "; ".join({row["reason"] for row in rows.all})
         command_line.complain(
             "envelope.py",
             ValueError(
                 f"no limit: of {len(rows.all)} trials none was decided: "
-                f"{reasons}"
+                f"{'; '.join({row['reason'] for row in rows.all})}"
             ),
         )
         return command_line.UNDECIDED
     table = limits.limit_table(rows, scenarios)
     files = ", ".join([*report.write_report(table, rows), TRIALS])
     for situation in table.situations:
-        lines = report.table_of(table, situation, report.RECOVERED)
-        command_line.say("", ", ".join(situation), *lines)
+        command_line.say(
+            "",
+            ", ".join(situation),
+            *report.table_of(table, situation, report.RECOVERED),
+        )
     command_line.say(
         f"trials {report.outcomes(rows)}", f"wrote {rows.folder}/{{{files}}}"
     )
@@ -346,8 +349,9 @@ def directions(asked: Mapping[str, Any]) -> tuple[float, ...]:
         else:
             angles = [float(word) for word in words("directions", asked)]
             if all(abs(angle) <= 3600.0 for angle in angles):
-                degrees = (round(angle, 6) % 360.0 for angle in angles)
-                return tuple(dict.fromkeys(degrees))
+                return tuple(
+                    dict.fromkeys(round(angle, 6) % 360.0 for angle in angles)
+                )
     raise ValueError(
         f'directions = {text!r}: must be degrees, such as "0,30,90" or "90,", '
         f"or how many, from 1 to {MOST_DIRECTIONS}"
@@ -369,8 +373,7 @@ def words(name: str, asked: Mapping[str, Any]) -> tuple[str, ...]:
     """
     parts = dict.fromkeys(word.strip() for word in asked[name].split(","))
     parts.pop("", None)
-    if not parts:
-        raise ValueError(f"{name} = {asked[name]!r}: must name at least one")
+    require(len(parts) > 0, f"{name} = {asked[name]!r}: must name at least one")
     return tuple(parts)
 
 

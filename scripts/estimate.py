@@ -9,13 +9,13 @@ from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.estimation.gaps import bridged
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.estimation import lost_at, measure_estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
@@ -99,8 +99,9 @@ def _write(folder: Path, log: Log, run: dict[str, Any]) -> None:
     """Writes FILES; the title of the plot tells of the `run`."""
     with appearing(folder) as drafts, mpl.rc_context(cast(Any, RC)):
         np.savez(drafts / FILES[0], **cast(Any, log))
-        figure = draw_estimate(log, run | {"pushes": [], "fell_at": None})
-        cast(Figure, figure).savefig(drafts / FILES[1])
+        cast(
+            Any, draw_estimate(log, run | {"pushes": [], "fell_at": None})
+        ).savefig(drafts / FILES[1])
 
 
 def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
@@ -119,8 +120,7 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
     """
     names = robot.control_plant().GetPositionNames(False, False)[7:]
     try:
-        if not path.stat().st_size:
-            raise ValueError("it is empty")
+        require(path.stat().st_size > 0, "it is empty")
         if path.suffix == ".csv":
             log = _read_csv(path, names)
         elif path.suffix == ".npz":
@@ -179,8 +179,10 @@ def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
         "state": 13 + 2 * num_joints,
     }
     for name, size in sizes.items():
-        if name in log and log[name].shape != (len(t), size):
-            raise ValueError(f"{name} must be ({len(t)}, {size})")
+        require(
+            name not in log or log[name].shape == (len(t), size),
+            f"{name} must be ({len(t)}, {size})",
+        )
     log = bridged(t, log)
     if log["imu"][0, 5] < 0.0:
         raise ValueError("force_z must be 9.81 m/s^2 while it stands")
@@ -206,8 +208,9 @@ def standing(joints: Array, robot: RobotModel) -> Array:
         @ robot.X_FootSole[side]
         for side, foot in robot.foot_bodies.items()
     )
-    middle = 0.5 * (left.translation() + right.translation())
-    X_WB = RigidTransform(left.rotation(), middle).inverse()
+    X_WB = RigidTransform(
+        left.rotation(), 0.5 * (left.translation() + right.translation())
+    ).inverse()
     q[:7] = *X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()
     return q
 

@@ -6,7 +6,7 @@ import io
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Ellipsoid, Rgba, Role, Sphere
@@ -145,8 +145,10 @@ def mcap_of(
             for name, topic in topics.items():
                 values = log[name][row]
                 values = np.where(np.isfinite(values), values, None)
-                message = dict(zip(columns[name], values, strict=True))
-                topic.log(message, log_time=nanoseconds)
+                topic.log(
+                    dict(zip(columns[name], values, strict=True)),
+                    log_time=nanoseconds,
+                )
             if row % EVERY == 0:
                 scene.log(next(pictures), log_time=nanoseconds)
     return file.getvalue()
@@ -183,8 +185,8 @@ def scenes(log: Log, robot: RobotModel) -> Iterator[Any]:
                 _look(RigidTransform(p_WP), [0.03] * 3, rgba(POINTS[name]))
             )
         if "state" in log:
-            q = log["state"][row, : plant.num_positions()]
-            plant.SetPositions(context, cast(Any, q))
+            q: Any = log["state"][row, : plant.num_positions()]
+            plant.SetPositions(context, q)
             for shape in inspector.GetAllGeometryIds(Role.kIllustration):
                 box = inspector.GetObbInGeometryFrame(shape)
                 properties = inspector.GetIllustrationProperties(shape)
@@ -195,10 +197,10 @@ def scenes(log: Log, robot: RobotModel) -> Iterator[Any]:
                         "phong", "diffuse", rgba(FLOOR)
                     ),
                 )
-                is_round = isinstance(
-                    inspector.GetShape(shape), Ellipsoid | Sphere
-                )
-                (balls if is_round else boxes).append(look)
+                if isinstance(inspector.GetShape(shape), Ellipsoid | Sphere):
+                    balls.append(look)
+                else:
+                    boxes.append(look)
         yield messages.SceneUpdate(
             entities=[
                 messages.SceneEntity(

@@ -10,6 +10,7 @@ import numpy as np
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing, prepare_folder
 from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
@@ -55,14 +56,17 @@ def main(argv: list[str] | None = None) -> int:
 def _check_paths(args: argparse.Namespace) -> None:
     """Refuses folders that are missing, and files that would be lost."""
     for root in args.package_root or []:
-        if not root.is_dir():
-            raise ValueError(f"package-root = {root}: must be a folder")
+        require(root.is_dir(), f"package-root = {root}: must be a folder")
     args.file.stat()  # the error names it as the user did
     for path in (args.out / name for name in MADE):
-        if path.resolve() == args.file.resolve():
-            raise ValueError(f"out = {args.out}: must not be that of FILE")
-        if path.exists() and not args.force:
-            raise ValueError(f"{path}: exists; --force overwrites it")
+        require(
+            path.resolve() != args.file.resolve(),
+            f"out = {args.out}: must not be that of FILE",
+        )
+        require(
+            args.force or not path.exists(),
+            f"{path}: exists; --force overwrites it",
+        )
 
 
 def _replace_meshes(drafts: Path, folder: Path) -> None:
@@ -81,15 +85,16 @@ def _make(args: argparse.Namespace, folder: Path) -> None:
         raise ValueError(
             f"{error.name} is missing: pip install 'nadia_balance[robots]'"
         ) from None
-    notes = make_robot(
-        args.file,
-        folder,
-        fix=args.fix or [],
-        package_roots=args.package_root or [],
-        armature=args.armature,
-        named={name: getattr(args, name) for name in NAMES},
+    command_line.say(
+        *make_robot(
+            args.file,
+            folder,
+            fix=args.fix or [],
+            package_roots=args.package_root or [],
+            armature=args.armature,
+            named={name: getattr(args, name) for name in NAMES},
+        ).lines()
     )
-    command_line.say(*notes.lines())
     try:
         robot = load_robot(str(folder / "robot.yaml"), args.fidelity)
     except ValueError as error:

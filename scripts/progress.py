@@ -49,13 +49,12 @@ def progress(
             bar.update(now - bar.n)
             if signal is None or not diagram.HasOutputPort("icp"):
                 return  # a policy has no plan
-            lines = story.look(
+            for line in story.look(
                 now,
                 walking=WalkingSignal(read(signal, context)),
                 push=push_signal(diagram, context),
                 error=gait_and_error(diagram, context)[1],
-            )
-            for line in lines:
+            ):
                 bar.write(f"t={now:.1f} s  {line}", file=stream)
 
         yield show

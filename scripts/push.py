@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from nadia_balance.core.walking.push import SHAPES, random_pushes
 from nadia_balance.diagrams.scenario import Scenario, scenario_names
+from nadia_balance.parameters.bounds import require
 from nadia_balance.scripts import command_line
 
 MOST_RANDOM = 100  # largest number of random pushes
@@ -34,21 +35,21 @@ def _push_flags(parser: command_line.CommandLine) -> None:
     group = parser.add_argument_group(
         "push", "The scenario's first push, as it is there; or a new one."
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--direction",
             help="degrees (0 forward, 90 left), or forward, backward, inward, "
             "outward, seen from the stance foot",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--delta-v",
             type=command_line.finite,
             help="change of the robot's velocity [m/s]",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--at",
             help='when it begins: in a phase, such as "right swing 25 %%" (the '
@@ -57,12 +58,12 @@ def _push_flags(parser: command_line.CommandLine) -> None:
             "nowhere",
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--shape", help=f"of the force over time: {', '.join(SHAPES)}"
         )
     )
-    parser.not_with_live(
+    parser.not_live.append(
         group.add_argument(
             "--random",
             type=int,
@@ -90,21 +91,20 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
         at=args.at,
         shape=args.shape,
     )
-    if args.random is None:
-        return scenario
-    return _pushed_at_random(args, scenario)
+    return scenario if args.random is None else _at_random(args, scenario)
 
 
-def _pushed_at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
+def _at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
     """With --random pushes instead, for which gait and run are long enough."""
     drawn = {"at": args.at, "direction": args.direction, "shape": args.shape}
     for name, value in drawn.items():
-        if value is not None:
-            raise ValueError(f"{name} = {value!r}: must not come with --random")
-    if not 1 <= args.random <= MOST_RANDOM:
-        raise ValueError(
-            f"random = {args.random}: must be in [1, {MOST_RANDOM}]"
+        require(
+            value is None, f"{name} = {value!r}: must not come with --random"
         )
+    require(
+        1 <= args.random <= MOST_RANDOM,
+        f"random = {args.random}: must be in [1, {MOST_RANDOM}]",
+    )
     largest = scenario.pushes[0].delta_v
     if largest is None:
         raise ValueError("delta_v: must be given with --random")

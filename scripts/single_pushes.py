@@ -26,6 +26,7 @@ from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.versions import CHECKOUT
 from nadia_balance.robot.model import load_robot
@@ -107,8 +108,7 @@ class SinglePushes(Sweep):
         """
         key = (scenario, *self.mechanisms)
         limits = {c: v for c, v in self.known_limits.items() if c[::2] == key}
-        if not limits:
-            raise ValueError(f"limits: must have some of {', '.join(key)}")
+        require(len(limits) > 0, f"limits: must have some of {', '.join(key)}")
         at = next(iter(limits)).at
         return {c.direction_deg: v for c, v in limits.items() if c.at == at}
 
@@ -329,7 +329,6 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         name: envelope.scenario_of(args, name)
         for name in envelope.words("scenario_name", values)
     }
-    robot = next(iter(scenarios.values())).robot
     sweep = SinglePushes(
         share=args.share,
         drawn=drawn(scenarios, mechanisms, count) if count else {},
@@ -339,7 +338,12 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         directions=envelope.directions(values),
         at=envelope.moments(values),
         mechanisms=(mechanisms,),
-        known_limits=_limits_of(args.limits, robot, mechanisms),
+        known_limits=_limits_of(
+            args.limits,
+            figure,
+            robot=next(iter(scenarios.values())).robot,
+            mechanisms=mechanisms,
+        ),
     )
     sweep.validate()
     for name in scenarios:
@@ -353,31 +357,31 @@ def _random_pushes(args: argparse.Namespace, figure: Protocol | None) -> int:
     Raises ValueError: a flag is out of range, or has no effect.
     """
     count = 1000 if args.pushes is None else args.pushes
-    if not 1 <= count <= MOST_PUSHES or not 0.0 < args.share <= 3.0:
-        raise ValueError(
-            f"pushes = {count}, share = {args.share}: must be in "
-            f"[1, {MOST_PUSHES}] and (0, 3]"
-        )
+    require(
+        1 <= count <= MOST_PUSHES and 0.0 < args.share <= 3.0,
+        f"pushes = {count}, share = {args.share}: must be in "
+        f"[1, {MOST_PUSHES}] and (0, 3]",
+    )
     has_place = args.directions is not None or args.at is not None
     if args.pushes is None:
         return 0 if figure or has_place else count
-    if has_place:
-        raise ValueError(
-            f"pushes = {count}: must not come with directions or at"
-        )
+    require(
+        not has_place, f"pushes = {count}: must not come with directions or at"
+    )
     return count
 
 
-def _limits_of(limits: Path, robot: str, mechanisms: str) -> dict[Cell, float]:
+def _limits_of(
+    limits: Path, figure: Protocol | None, robot: str, mechanisms: str
+) -> dict[Cell, float]:
     """Limits [m/s] of a folder or a figure; ValueError: of another robot."""
-    figure = PROTOCOLS.get(str(limits))
     of_robot = figure.robot if figure else robot
     if (limits / TRIALS).exists():
         of_robot = Rows.read(limits).identity["robot"]
-    if of_robot != robot:
-        raise ValueError(
-            f"limits = '{limits}': must be of {robot}, not of {of_robot}"
-        )
+    require(
+        of_robot == robot,
+        f"limits = '{limits}': must be of {robot}, not of {of_robot}",
+    )
     return figure.largest(mechanisms) if figure else known_limits(limits)
 
 

@@ -235,11 +235,14 @@ def scenarios() -> Iterator[str]:
     Yields:
         Lines of Markdown.
     """
-    rows = []
-    for name in scenario_names():
-        one = load_scenario(name)
-        rows.append((f"`{name}`", one.description, one.robot, one.mechanisms))
-    yield from table(("scenario", "", "robot", "mechanisms"), *rows)
+    named = {name: load_scenario(name) for name in scenario_names()}
+    yield from table(
+        ("scenario", "", "robot", "mechanisms"),
+        *(
+            (f"`{name}`", one.description, one.robot, one.mechanisms)
+            for name, one in named.items()
+        ),
+    )
 
 
 def fields(prefix: str, params: Any) -> Iterator[tuple[str, str, str, str]]:
@@ -260,8 +263,9 @@ def fields(prefix: str, params: Any) -> Iterator[tuple[str, str, str, str]]:
         elif not field.metadata.get("internal"):
             bounds = field.metadata.get("bounds", UNBOUNDED)
             rule = ", ".join(bounds.one_of)
-            is_number = type(value) in (float, int)
-            if not rule and (is_number or bounds != UNBOUNDED):
+            if not rule and (
+                type(value) in (float, int) or bounds != UNBOUNDED
+            ):
                 rule = bounds.rule(0.0)
             default = "" if value is None or value == [] else str(value)
             yield f"`{prefix}{field.name}`", default, rule, meaning(field)

@@ -27,8 +27,9 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import BodyIndex, Joint, RevoluteJoint, RigidBody
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.plants import actuators, joints
-from nadia_balance.robot.urdf import hull_points, require
+from nadia_balance.robot.urdf import hull_points
 
 # Time constant of contacts and joint limits, which are damped springs [s];
 # MuJoCo needs two steps or more.  Its default, 0.02, is as soft as a mat.
@@ -100,11 +101,11 @@ class MujocoModel:
         if body.index() in self._bodies:
             return self._bodies[body.index()]
         joint = self._inboard[body.index()]
-        parent = self._add_body(joint.parent_body())
-        X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
-        X_PB = X_PF @ X_BM.inverse()
-        added = parent.add_body(
+        X_PB = (
+            joint.frame_on_parent().GetFixedPoseInBodyFrame() @ X_BM.inverse()
+        )
+        added = self._add_body(joint.parent_body()).add_body(
             name=str(int(body.index())),
             pos=X_PB.translation(),
             quat=X_PB.rotation().ToQuaternion().wxyz(),
@@ -178,8 +179,10 @@ class MujocoModel:
         form = inspector.GetShape(shape)
         if isinstance(form, Convex | Mesh):
             # The convex hull, as in Drake.
-            points = np.ravel(hull_points(inspector, shape))
-            self._spec.add_mesh(name=_name(shape), uservert=points)
+            self._spec.add_mesh(
+                name=_name(shape),
+                uservert=np.ravel(hull_points(inspector, shape)),
+            )
             added.type = mujoco.mjtGeom.mjGEOM_MESH
             added.meshname = _name(shape)
             return
@@ -204,14 +207,17 @@ class MujocoModel:
                 continue
             address = model.joint(str(int(joint.index())))
             q, v = int(address.qposadr[0]), int(address.dofadr[0])
-            q_drake, v_drake = joint.position_start(), joint.velocity_start()
             if joint.num_velocities() == 1:
-                self._q[q] = q_drake
-                self._v[v] = v_drake
+                self._q[q] = joint.position_start()
+                self._v[v] = joint.velocity_start()
                 model.dof_damping[v] = joint.default_damping_vector()[0]
             else:
-                self._q[q : q + 7] = q_drake + np.array([4, 5, 6, 0, 1, 2, 3])
-                self._v[v : v + 6] = v_drake + np.array([3, 4, 5, 0, 1, 2])
+                self._q[q : q + 7] = joint.position_start() + np.array(
+                    [4, 5, 6, 0, 1, 2, 3]
+                )
+                self._v[v : v + 6] = joint.velocity_start() + np.array(
+                    [3, 4, 5, 0, 1, 2]
+                )
                 self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
         names = (model.body(i).name for i in model.geom_bodyid)
@@ -228,8 +234,9 @@ class MujocoModel:
         """
         in_world = vector.copy()
         for quaternion, turning in self._turning:
-            q_WB = self.data.qpos[quaternion]
-            mujoco.mju_rotVecQuat(in_world[turning], vector[turning], q_WB)
+            mujoco.mju_rotVecQuat(
+                in_world[turning], vector[turning], self.data.qpos[quaternion]
+            )
         ordered = np.empty(self.model.nv)
         ordered[self._v] = in_world
         return ordered

@@ -15,7 +15,6 @@ from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
     DiscreteValues,
-    EventStatus,
     LeafSystem,
     State,
 )
@@ -26,7 +25,6 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY, com_after, icp
 from nadia_balance.core.walking.state import (
-    ContactSchedule,
     FootPose,
     FootPoses,
     Phase,
@@ -145,21 +143,20 @@ class MujocoPlant(LeafSystem):
 
     def _calc_step(self, context: Context, _: Any) -> tuple[Array, object]:
         x: Any = context.get_discrete_state(self._state).value()
-        is_pushed = self._forces.HasValue(context)
-        forces: Any = self._forces.Eval(context) if is_pushed else ()
+        forces: Any = (
+            self._forces.Eval(context) if self._forces.HasValue(context) else ()
+        )
         x, contacts = self._model.step(x, self._actuation(context), forces)
         return x, PointContacts(tuple(contacts))
 
     def _calc_contacts(self, context: Any, output: Any) -> None:
-        _, contacts = self._step.Eval(context)
-        output.set_value(contacts)
+        output.set_value(self._step.Eval(context)[1])
 
-    def _update(self, context: Context, state: DiscreteValues) -> EventStatus:
+    def _update(self, context: Context, state: DiscreteValues) -> None:
         x, _ = self._step.Eval(context)
         if not np.all(np.isfinite(x)):
             raise RuntimeError("MujocoPlant: the state is not finite")
         state.set_value(self._state, x)
-        return EventStatus.Succeeded()
 
 
 def add_mujoco_plant(
@@ -236,8 +233,9 @@ class PointMassPlant(LeafSystem):
         self._stiffness = model.mass * model.omega**2
         point = start.schedule.start
         foot = start.schedule.feet[start.schedule.support_side.other]
-        com = [*point.com, model.com_height, *point.com_velocity, 0.0]
-        self._com: Any = self.DeclareDiscreteState(cast(Any, com))
+        self._com: Any = self.DeclareDiscreteState(
+            cast(Any, [*point.com, model.com_height, *point.com_velocity, 0.0])
+        )
         self._foot: Any = self.DeclareDiscreteState(
             cast(Any, [*foot.p_WF, foot.yaw])
         )
@@ -275,8 +273,8 @@ class PointMassPlant(LeafSystem):
         return icp(com.position[:2], com.velocity[:2], self._omega)
 
     def _calc_foot_poses(self, context: Context) -> FootPoses:
-        schedule = self._schedule(context)
-        feet = schedule.feet
+        schedule = self._walking(context).schedule
+        feet: FootPoses = schedule.feet
         if schedule.phase is not Phase.SWING:
             return feet
         x, y, z, yaw = self._swing_foot(context)
@@ -287,7 +285,7 @@ class PointMassPlant(LeafSystem):
         )
 
     def _calc_forces(self, context: Context) -> tuple[float, float]:
-        schedule = self._schedule(context)
+        schedule = self._walking(context).schedule
         left = right = True
         if schedule.phase is Phase.SWING:
             ground = schedule.footsteps[0].pose.p_WF[2]
@@ -297,21 +295,17 @@ class PointMassPlant(LeafSystem):
         share = self._weight / (left + right)
         return share * left, share * right
 
-    def _schedule(self, context: Context) -> ContactSchedule:
-        state: WalkingState = self._walking(context)
-        return state.schedule
-
     def _swing_foot(self, context: Context) -> Any:
         return context.get_discrete_state(self._foot).value().tolist()
 
-    def _step(self, context: Context, state: State) -> EventStatus:
+    def _step(self, context: Context, state: State) -> None:
         t = self._period
         com = ComState(context.get_discrete_state(self._com).value().copy())
-        push = self._push(context)[:2] / self._stiffness
         com.position[:2], com.velocity[:2] = com_after(
             com=com.position[:2],
             com_velocity=com.velocity[:2],
-            ecmp=self._ecmp(context).ecmp - push,
+            ecmp=self._ecmp(context).ecmp
+            - self._push(context)[:2] / self._stiffness,
             omega=self._omega,
             t=t,
         )
@@ -320,6 +314,6 @@ class PointMassPlant(LeafSystem):
         half = 0.5 * t**2
         p = foot.position + t * foot.velocity + half * foot.acceleration
         yaw = foot.yaw + t * foot.yaw_rate + half * foot.yaw_acceleration
-        pose: Any = [*p, yaw]
-        state.get_mutable_discrete_state(self._foot).set_value(pose)
-        return EventStatus.Succeeded()
+        state.get_mutable_discrete_state(self._foot).set_value(
+            cast(Any, [*p, yaw])
+        )

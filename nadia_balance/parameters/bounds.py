@@ -221,6 +221,20 @@ def check_type(name: str, value: object, kind: type) -> None:
         raise ValueError(f"{name} = {value!r}: must be a {kind.__name__}")
 
 
+def require(fulfilled: bool, message: str) -> None:
+    """Requires a condition.
+
+    Args:
+        fulfilled: the condition.
+        message: of the error.
+
+    Raises:
+        ValueError: it is not fulfilled.
+    """
+    if not fulfilled:
+        raise ValueError(message)
+
+
 def _check(value: object, name: str, bounds: Bounds) -> None:
     if dataclasses.is_dataclass(value):
         check(value, name)

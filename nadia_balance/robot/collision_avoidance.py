@@ -65,8 +65,10 @@ class CollisionAvoidance:
             shape: _Shape(inspector, plant, shape)
             for shape in itertools.chain.from_iterable(candidates)
         }
-        bodies = {shape.body.index() for shape in self._shapes.values()}
-        self._bodies = [plant.get_body(body) for body in sorted(bodies)]
+        self._bodies = [
+            plant.get_body(body)
+            for body in sorted({s.body.index() for s in self._shapes.values()})
+        ]
         self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper_body = _upper_body(robot, plant)
         arm_attention = max(params.arm_attention, params.attention)
@@ -99,8 +101,8 @@ class CollisionAvoidance:
         )
         self._pair_bodies = self._owner[self._sides]
         lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
-        radii = np.array([s.radius for s in shapes])
         self._pairs = SegmentPairs(lengths[self._sides])
+        radii = np.array([s.radius for s in shapes])
         self._radii = radii[self._sides].sum(axis=0)
         self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
 
@@ -219,8 +221,12 @@ class CollisionAvoidance:
                     (pair.distance, *pair.nhat_BA_W, *p_WA, *p_WB, i, j)
                 )
         columns = np.array(rows).reshape(-1, 12).T
-        p = columns[4:10].reshape(2, 3, -1).transpose(1, 0, 2)
-        return columns[0], columns[1:4], p, columns[10:].astype(int)
+        return (
+            columns[0],
+            columns[1:4],
+            columns[4:10].reshape(2, 3, -1).transpose(1, 0, 2),
+            columns[10:].astype(int),
+        )
 
 
 class _Shape:

@@ -19,6 +19,7 @@ from nadia_balance.core.whole_body.command import (
     WholeBodyTerms,
 )
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import (
     body_poses,
@@ -26,7 +27,6 @@ from nadia_balance.robot.plants import (
     joints,
     joints_above,
 )
-from nadia_balance.robot.urdf import require
 
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
@@ -47,7 +47,7 @@ class WholeBodyKinematics:
     def __init__(
         self, robot: RobotModel, plant: MultibodyPlant, lead: float = 0.0
     ) -> None:
-        self.plant = plant
+        self.plant: Any = plant
         self._lead = lead
         self._damping = np.zeros(plant.num_velocities())
         for joint in joints(plant):
@@ -89,8 +89,9 @@ class WholeBodyKinematics:
         v = state[-self._damping.size :]
         self._fill_forces(context, v, rows)
         self._fill_motions(context, rows)
-        X_WB = body_poses(self.plant, context, self._bodies)
-        poses = X_WB @ self._X_BodyFrame
+        poses = (
+            body_poses(self.plant, context, self._bodies) @ self._X_BodyFrame
+        )
         velocities = rows[:, :-1] @ v
         if self._lead:
             self._take_back(rows, v, velocities)
@@ -122,7 +123,7 @@ class WholeBodyKinematics:
 
     def _fill_forces(self, context: Context, v: Array, rows: Array) -> None:
         """Writes [M, bias] (nv, nv + 1) per mass, with gravity and damping."""
-        M: Any = self.plant.CalcMassMatrix(context)
+        M = self.plant.CalcMassMatrix(context)
         bias = self.plant.CalcBiasTerm(context) + self._damping * v
         # Gravity from M: the base's linear velocity is expressed in W.
         bias -= M[:, 3:6] @ self._gravity
@@ -133,10 +134,9 @@ class WholeBodyKinematics:
 
     def _fill_motions(self, context: Context, rows: Array) -> None:
         """Writes [J, Jdot v] of soles and torso."""
-        plant: Any = self.plant
         world = self._world
         for sole, foot, p_FS in self._points:
-            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
+            rows[sole, :-1] = self.plant.CalcJacobianSpatialVelocity(
                 context=context,
                 with_respect_to=_V,
                 frame_B=foot,
@@ -144,7 +144,7 @@ class WholeBodyKinematics:
                 frame_A=world,
                 frame_E=world,
             )
-            rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
+            rows[sole, -1] = self.plant.CalcBiasSpatialAcceleration(
                 context=context,
                 with_respect_to=_V,
                 frame_B=foot,
@@ -152,14 +152,14 @@ class WholeBodyKinematics:
                 frame_A=world,
                 frame_E=world,
             ).get_coeffs()
-        rows[TORSO, :-1] = plant.CalcJacobianAngularVelocity(
+        rows[TORSO, :-1] = self.plant.CalcJacobianAngularVelocity(
             context=context,
             with_respect_to=_V,
             frame_B=self._torso,
             frame_A=world,
             frame_E=world,
         )
-        rows[TORSO, -1] = plant.CalcBiasSpatialAcceleration(
+        rows[TORSO, -1] = self.plant.CalcBiasSpatialAcceleration(
             context=context,
             with_respect_to=_V,
             frame_B=self._torso,
@@ -196,20 +196,24 @@ def whole_body_model(
     Raises:
         ValueError: a named joint does not exist, or has no room to move.
     """
-    lower = _by_joint(
-        plant=plant,
-        field="joint_lower_limits",
-        values=params.joint_lower_limits,
-        others=-np.inf,
+    lower = np.maximum(
+        _by_joint(
+            plant=plant,
+            field="joint_lower_limits",
+            values=params.joint_lower_limits,
+            others=-np.inf,
+        ),
+        plant.GetPositionLowerLimits()[7:],
     )
-    upper = _by_joint(
-        plant=plant,
-        field="joint_upper_limits",
-        values=params.joint_upper_limits,
-        others=np.inf,
+    upper = np.minimum(
+        _by_joint(
+            plant=plant,
+            field="joint_upper_limits",
+            values=params.joint_upper_limits,
+            others=np.inf,
+        ),
+        plant.GetPositionUpperLimits()[7:],
     )
-    lower = np.maximum(lower, plant.GetPositionLowerLimits()[7:])
-    upper = np.minimum(upper, plant.GetPositionUpperLimits()[7:])
     for joint in params.joint_lower_limits | params.joint_upper_limits:
         i = plant.GetJointByName(joint).velocity_start() - 6
         require(
@@ -219,8 +223,9 @@ def whole_body_model(
         )
     is_leg_joint = np.zeros(lower.size, dtype=bool)
     for foot in robot.foot_bodies.values():
-        leg = joints_above(plant, foot)
-        is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
+        is_leg_joint[
+            [leg.velocity_start() - 6 for leg in joints_above(plant, foot)]
+        ] = True
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,

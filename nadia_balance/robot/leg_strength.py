@@ -17,13 +17,13 @@ from pydrake.solvers import SnoptSolver
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.plants import (
     actuators,
     effort_limits,
     is_pitch,
     joints_above,
 )
-from nadia_balance.robot.urdf import require
 
 if TYPE_CHECKING:
     from nadia_balance.robot.model import RobotModel
@@ -168,15 +168,16 @@ class StandingLegs:
 
     def _jacobian(self, side: Side) -> Array:
         """Jacobian (6, nv) [w, v] of the centre of a sole, in W."""
-        J = self.plant.CalcJacobianSpatialVelocity(
-            context=self.context,
-            with_respect_to=JacobianWrtVariable.kV,
-            frame_B=self.plant.GetFrameByName(self.robot.foot_bodies[side]),
-            p_BoBp_B=self.robot.X_FootSole[side].translation(),
-            frame_A=self.plant.world_frame(),
-            frame_E=self.plant.world_frame(),
+        return np.asarray(
+            self.plant.CalcJacobianSpatialVelocity(
+                context=self.context,
+                with_respect_to=JacobianWrtVariable.kV,
+                frame_B=self.plant.GetFrameByName(self.robot.foot_bodies[side]),
+                p_BoBp_B=self.robot.X_FootSole[side].translation(),
+                frame_A=self.plant.world_frame(),
+                frame_E=self.plant.world_frame(),
+            )
         )
-        return np.asarray(J)
 
     def _ankle(self, foot: str) -> list[Joint]:
         """The joints between foot and knee; none if there is no such knee."""
@@ -203,7 +204,6 @@ class StandingKinematics(InverseKinematics):
         super().__init__(self.plant)
         free = np.inf
         for side, (x, y) in zip(Side, places, strict=True):
-            p_FS = robot.X_FootSole[side].translation()
             # Three points with 3 + 2 + 1 fixed coordinates fix the sole.
             points: Any = (
                 ([0.0, 0.0, 0.0], [x, y, 0.0], [x, y, 0.0]),
@@ -213,7 +213,7 @@ class StandingKinematics(InverseKinematics):
             for p_SQ, lower, upper in points:
                 self.AddPositionConstraint(
                     frameB=self.plant.GetFrameByName(robot.foot_bodies[side]),
-                    p_BQ=p_FS + p_SQ,
+                    p_BQ=robot.X_FootSole[side].translation() + p_SQ,
                     frameA=self.plant.world_frame(),
                     p_AQ_lower=lower,
                     p_AQ_upper=upper,
@@ -245,11 +245,11 @@ class StandingKinematics(InverseKinematics):
         Returns:
             The positions (nq,); None if there are none.
         """
-        program = self._program
-        program.AddQuadraticErrorCost(weight * np.eye(len(q)), q, self.q())
-        program.SetInitialGuess(self.q(), q)
-        program.SetInitialGuess(self._com, com)
-        result = SnoptSolver().Solve(program)
-        if not result.is_success():
-            return None
-        return np.asarray(result.GetSolution(self.q()))
+        self._program.AddQuadraticErrorCost(
+            weight * np.eye(len(q)), q, self.q()
+        )
+        self._program.SetInitialGuess(self.q(), q)
+        self._program.SetInitialGuess(self._com, com)
+        result = SnoptSolver().Solve(self._program)
+        positions = np.asarray(result.GetSolution(self.q()))
+        return positions if result.is_success() else None

@@ -25,7 +25,7 @@ from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
-from nadia_balance.parameters.bounds import check, check_number
+from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.parameters.yaml_reader import load_tree, load_typed
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
@@ -43,7 +43,6 @@ from nadia_balance.robot.urdf import (
     foot_width,
     naming,
     remarks_on,
-    require,
     with_lengths,
 )
 
@@ -86,10 +85,8 @@ class RobotModel:
         self.sole_length = sole.x_max - sole.x_min
         self.sole_width = 2.0 * sole.half_width
         self.sole = rectangle(self.sole_length, self.sole_width)
-        centre = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
-        self.X_FootSole = {
-            side: RigidTransform(cast(Any, centre)) for side in Side
-        }
+        centre: Any = [0.5 * (sole.x_min + sole.x_max), 0.0, sole.z]
+        self.X_FootSole = {side: RigidTransform(centre) for side in Side}
         self.remarks = remarks_on(
             self.control_diagram()[1], set(self.foot_bodies.values())
         )
@@ -246,16 +243,20 @@ class RobotModel:
         )
 
         def shapes(links: Iterable[BodyIndex]) -> GeometrySet:
-            bodies = [plant.get_body(link) for link in links]
-            return plant.CollectRegisteredGeometries(bodies)
+            return plant.CollectRegisteredGeometries(
+                [plant.get_body(link) for link in links]
+            )
 
         others = shapes(set(plant.GetBodyIndices(instance)) - left - right)
-        feet = [plant.GetBodyByName(n) for n in self.foot_bodies.values()]
+        feet = {
+            plant.GetBodyByName(name).index()
+            for name in self.foot_bodies.values()
+        }
         scene_graph.collision_filter_manager().Apply(
             CollisionFilterDeclaration()
             .ExcludeWithin(shapes(left))
             .ExcludeWithin(shapes(right))
-            .ExcludeWithin(shapes(foot.index() for foot in feet))
+            .ExcludeWithin(shapes(feet))
             .ExcludeWithin(others)
             .ExcludeBetween(others, shapes(left | right))
         )
@@ -336,8 +337,11 @@ class RobotModel:
     def _stance(self, width: float) -> Array | None:
         """Positions (nq,), standing at the origin; None if there are none."""
         com = [0.0, 0.0, self.com_height]
-        soles = np.array([[0.0, 0.5 * width], [0.0, -0.5 * width]])
-        ik = StandingKinematics(self, soles, (com, com))
+        ik = StandingKinematics(
+            self,
+            places=np.array([[0.0, 0.5 * width], [0.0, -0.5 * width]]),
+            com=(com, com),
+        )
         upright: Any = [1.0, 0.0, 0.0, 0.0]
         ik.prog().AddBoundingBoxConstraint(upright, upright, ik.q()[:4])
         q = np.zeros(ik.plant.num_positions())

@@ -10,7 +10,7 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.scaling import Size
 from nadia_balance.parameters.yaml_reader import load_typed
 
@@ -36,10 +36,10 @@ class SoleParams:
         Raises:
             ValueError: the toe is not in front of the heel.
         """
-        if not self.x_max > self.x_min:
-            raise ValueError(
-                f"x_max = {self.x_max}: must be > x_min = {self.x_min} m"
-            )
+        require(
+            self.x_max > self.x_min,
+            f"x_max = {self.x_max}: must be > x_min = {self.x_min} m",
+        )
 
 
 @parameters
@@ -115,8 +115,7 @@ class RobotParams:
             ValueError: the robot has no name, or no URDF.
         """
         for name, value in ("name", self.name), ("urdf", self.urdf):
-            if not value:
-                raise ValueError(f"{name} = '': must not be empty")
+            require(value != "", f"{name} = '': must not be empty")
 
 
 def load_sensors(name: str) -> SensorParams:

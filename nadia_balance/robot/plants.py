@@ -129,8 +129,12 @@ def body_poses(
     Returns:
         Poses [R, p] (n, 3, 4); p in [m].
     """
-    poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
-    return np.array([X_WB.GetAsMatrix34() for X_WB in poses])
+    return np.array(
+        [
+            plant.EvalBodyPoseInWorld(context, body).GetAsMatrix34()
+            for body in bodies
+        ]
+    )
 
 
 def add_ground(plant: MultibodyPlant, ground: Ground | None = None) -> None:
@@ -177,10 +181,10 @@ def scale_friction(
         ratio: factor on static and dynamic friction [-].
     """
     inspector = scene_graph.model_inspector()
-    source: Any = plant.get_source_id()
     for i in range(plant.num_bodies()):
-        body = plant.get_body(BodyIndex(i))
-        for shape in plant.GetCollisionGeometriesForBody(body):
+        for shape in plant.GetCollisionGeometriesForBody(
+            plant.get_body(BodyIndex(i))
+        ):
             properties: Any = inspector.GetProximityProperties(shape)
             mu = properties.GetProperty("material", "coulomb_friction")
             properties.UpdateProperty(
@@ -191,7 +195,7 @@ def scale_friction(
                 ),
             )
             scene_graph.AssignRole(
-                source_id=source,
+                source_id=cast(Any, plant.get_source_id()),
                 geometry_id=shape,
                 properties=properties,
                 assign=RoleAssign.kReplace,

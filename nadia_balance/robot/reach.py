@@ -56,9 +56,14 @@ def stride(robot: RobotModel, foothold: Array) -> Array | None:
         FootPose(), FootPose(np.append(foothold, 0.0))
     )
     feet = np.array([foothold, [0.0, 0.0]])  # left, right
-    low = [*(feet.min(axis=0) - _BESIDE), height - _LEVEL]
-    high = [*(feet.max(axis=0) + _BESIDE), height + _LEVEL]
-    ik = StandingKinematics(robot, feet, (low, high))
+    ik = StandingKinematics(
+        robot,
+        feet,
+        com=(
+            [*(feet.min(axis=0) - _BESIDE), height - _LEVEL],
+            [*(feet.max(axis=0) + _BESIDE), height + _LEVEL],
+        ),
+    )
     ik.AddOrientationConstraint(
         frameAbar=ik.plant.world_frame(),
         R_AbarA=RotationMatrix(),
@@ -112,11 +117,13 @@ def _shrunk(
     least = -0.9 * reach.width_nominal
     narrower = reach
     if FORWARD in crossed:
-        width = max(reach.width_forward - step, least)
-        narrower = replace(narrower, width_forward=width)
+        narrower = replace(
+            narrower, width_forward=max(reach.width_forward - step, least)
+        )
     if BACKWARD in crossed:
-        width = max(reach.width_backward - step, least)
-        narrower = replace(narrower, width_backward=width)
+        narrower = replace(
+            narrower, width_backward=max(reach.width_backward - step, least)
+        )
     if narrower != reach and all(name != BASE for name, _ in missed):
         return narrower
     return replace(
@@ -173,10 +180,10 @@ def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:
     Returns:
         The lines of the table, and a warning of each margin that is short.
     """
-    drive_lines, short_drives = _drive_margins(robot, torques, speeds)
-    cop_lines, short_ankles = _cop_margins(robot.point_mass)
-    short = [*short_drives, *short_ankles]
     model = robot.point_mass
+    drive_lines, short_drives = _drive_margins(robot, torques, speeds)
+    cop_lines, short_ankles = _cop_margins(model)
+    short = [*short_drives, *short_ankles]
     swing = scaled(Gait(), robot.params.size).swing_duration
     least = model.detour.time_from_rest(model.reach.length_forward)
     if least > swing:
@@ -241,8 +248,11 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     knees = []
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
-        above = joints_above(legs.plant, foot)
-        pitches = [j for j in above if is_pitch(j, legs.context)]
+        pitches = [
+            joint
+            for joint in joints_above(legs.plant, foot)
+            if is_pitch(joint, legs.context)
+        ]
         if len(pitches) > 1:
             i = pitches[1].velocity_start()
             knees.append((abs(torques[i]) / limits[i], pitches[1].name()))

@@ -29,6 +29,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.plants import actuators, is_pitch, joints, joints_above
 
@@ -121,20 +122,6 @@ def check_urdf(urdf: Path) -> None:
                 f"lower limit of {name} = {lower}: must be <= its upper "
                 f"limit = {upper}",
             )
-
-
-def require(fulfilled: bool, message: str) -> None:
-    """Requires a condition.
-
-    Args:
-        fulfilled: the condition.
-        message: of the error.
-
-    Raises:
-        ValueError: it is not fulfilled.
-    """
-    if not fulfilled:
-        raise ValueError(message)
 
 
 def _number(text: str | None) -> float:
@@ -328,10 +315,11 @@ def with_lengths(
     axes = [_pitch_axes(plant, straight, foot) for foot in feet]
     if all(axes):
         bones = np.diff(axes[0], axis=0)[:, [0, 2]]  # in the sagittal plane
-        hips = [_pitch_axes(plant, standing, foot)[0][2] for foot in feet]
         legs["length"] = np.linalg.norm(bones, axis=1).sum()
         legs["ankle_height"] = axes[0][2][2] - left[2] - sole.z
-        legs["com_above_hip"] = com - 0.5 * sum(hips)
+        legs["com_above_hip"] = com - 0.5 * sum(
+            _pitch_axes(plant, standing, foot)[0][2] for foot in feet
+        )
     ground = [_position(plant, standing, foot, sole.z)[2] for foot in feet]
     return replace(
         _filled(params, {"com_height": com - 0.5 * sum(ground)}, given),
@@ -344,20 +332,24 @@ def _filled(
     params: T, measured: Mapping[str, float], given: Mapping[str, Any] | None
 ) -> T:
     """Returns the dataclass with `measured` values that are not `given`."""
-    lengths = {
-        name: round(float(value), _DIGITS)
-        for name, value in measured.items()
-        if name not in (given or {})
-    }
-    return replace(params, **lengths)  # type: ignore[type-var]
+    return replace(
+        params,  # type: ignore[type-var]
+        **{
+            name: round(float(value), _DIGITS)
+            for name, value in measured.items()
+            if name not in (given or {})
+        },
+    )
 
 
 def _position(
     plant: MultibodyPlant, context: Context, body: str, z: float = 0.0
 ) -> Array:
     """Position (3,) [m] in W of the point [0, 0, z] of a body."""
-    X_WB = plant.GetBodyByName(body).EvalPoseInWorld(context)
-    return np.asarray(X_WB @ np.array([0.0, 0.0, z]))
+    return np.asarray(
+        plant.GetBodyByName(body).EvalPoseInWorld(context)
+        @ np.array([0.0, 0.0, z])
+    )
 
 
 def _pitch_axes(
@@ -409,8 +401,9 @@ def foot_width(
     """
     sides = [0.0]
     for foot in feet:
-        shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(foot))
-        for shape in shapes:
+        for shape in plant.GetCollisionGeometriesForBody(
+            plant.GetBodyByName(foot)
+        ):
             box = inspector.GetObbInGeometryFrame(shape)
             if box is not None:
                 X_BO = inspector.GetPoseInFrame(shape) @ box.pose()

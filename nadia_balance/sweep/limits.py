@@ -51,9 +51,6 @@ WORST = (
 # [m/s], and WORST; None where nothing is known.
 Record = dict[str, Any]
 
-# By the name of the mechanisms: direction [deg] in [0, 360) -> velocity [m/s].
-Curves = dict[str, dict[float, float]]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
@@ -79,18 +76,18 @@ class Protocol:
     figures: str
     unit_speed: float = 1.0
 
-    def curves(self, scenario: str) -> Curves:
+    def curves(self, scenario: str) -> dict[str, dict[float, float]]:
         """The curves of a gait.
 
         Args:
             scenario: its name.
 
         Returns:
-            Velocities [m/s] by mechanisms and direction [deg].
+            Velocities [m/s] by mechanisms and direction [deg] in [0, 360).
         """
         text = (MODELS / self.robot / self.figures).read_text(encoding="utf-8")
         lines = (line for line in text.splitlines() if not line.startswith("#"))
-        curves: Curves = {}
+        curves: dict[str, dict[float, float]] = {}
         for row in csv.DictReader(lines):
             if row.pop("scenario", scenario) == scenario:
                 direction = float(row.pop("direction"))
@@ -151,11 +148,15 @@ def protocol_of(robot: str, situation: Situation) -> Protocol | None:
         The figure, if there is one.
     """
     scenario, at = situation
-    for protocol in PROTOCOLS.values():
-        is_same = (protocol.robot, protocol.at) == (robot, at)
-        if is_same and scenario in protocol.scenario_name.split(","):
-            return protocol
-    return None
+    return next(
+        (
+            protocol
+            for protocol in PROTOCOLS.values()
+            if (protocol.robot, protocol.at) == (robot, at)
+            and scenario in protocol.scenario_name.split(",")
+        ),
+        None,
+    )
 
 
 @dataclass(frozen=True)
@@ -187,17 +188,6 @@ class LimitTable:
         """
         return str(self.identity.get("controller", mechanisms)).split(" ")[0]
 
-    def protocol(self, situation: Situation) -> Protocol | None:
-        """The paper's figure of a situation.
-
-        Args:
-            situation: gait and moment of the push.
-
-        Returns:
-            The figure, if there is one.
-        """
-        return protocol_of(self.identity["robot"], situation)
-
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:
         """The records of all directions.
 
@@ -208,8 +198,11 @@ class LimitTable:
         Returns:
             The records, by direction.
         """
-        key = (*situation, mechanisms)
-        return [one for one in self.records if Cell.of(one)[:3] == key]
+        return [
+            one
+            for one in self.records
+            if Cell.of(one)[:3] == (*situation, mechanisms)
+        ]
 
 
 def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
@@ -226,10 +219,9 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         ValueError: as limits_of.
     """
     groups = rows.by_cell()
-    robot = rows.identity["robot"]
     situations = sorted(
         {cell[:2] for cell in groups},
-        key=lambda one: (protocol_of(robot, one) is None, one),
+        key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
     )
     tried = {cell.mechanisms for cell in groups}
     mechanisms = [name for name in NAMED if name in tried]
@@ -266,20 +258,20 @@ def _record(
     ]
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
-    record: Record = {
+    pushes = [one.largest_push(cell.direction_deg) for one in limits]
+    worst = {
+        name: [row[name] for row in best if row[name] is not None]
+        for name in WORST
+    }
+    return {
         **cell._asdict(),
         "trials": len(rows),
         **recovery._asdict(),
         **dict.fromkeys(OTHERS),
         "paper": paper.get(cell.mechanisms, {}).get(cell.direction_deg),
+        **dict(zip(OTHERS[1:], pushes, strict=False)),
+        **{name: max(values, default=None) for name, values in worst.items()},
     }
-    for name, one in zip(OTHERS[1:], limits, strict=False):
-        record[name] = one.largest_push(cell.direction_deg)
-    for name in WORST:
-        record[name] = max(
-            (row[name] for row in best if row[name] is not None), default=None
-        )
-    return record
 
 
 def limits_of(
@@ -298,14 +290,14 @@ def limits_of(
     Raises:
         ValueError: the push is not within the walk.
     """
-    at = situation[1]
-    if at == STANDING:
+    if situation[1] == STANDING:
         return ()
     robot = load_robot(scenario.robot, scenario.fidelity)
-    scenario = _on_level_ground(scenario, robot).changed(
-        engine="drake", sensors="perfect"
+    scenario = (
+        _on_level_ground(scenario, robot)
+        .changed(engine="drake", sensors="perfect")
+        .with_push(delta_v=0.0, at=situation[1])
     )
-    scenario = scenario.with_push(delta_v=0.0, at=at)
     push = scenario.pushes[0]
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram)
@@ -349,19 +341,17 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     Raises:
         ValueError: the push is not within the walk.
     """
-    limits: dict[Situation, tuple[LipmLimit, ...]] = {}
+    limits = {
+        situation: limits_of(sweep.scenarios[situation[0]], situation)
+        for situation in dict.fromkeys(cell[:2] for cell in sweep.cells())
+    }
     model = load_robot(sweep.one.robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
     first = {}
     for cell in sweep.cells():
-        situation = cell[:2]
-        if situation not in limits:
-            limits[situation] = limits_of(
-                sweep.scenarios[cell.scenario], situation
-            )
         first[cell] = BEGIN_STANDING * speed
-        if limits[situation]:
-            limit = replace(limits[situation][1], on=NAMED[cell.mechanisms])
+        if limits[cell[:2]]:
+            limit = replace(limits[cell[:2]][1], on=NAMED[cell.mechanisms])
             first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
 

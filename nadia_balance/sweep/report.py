@@ -25,7 +25,14 @@ from nadia_balance.core.walking.mechanisms import COLORS
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import FAINT, RC, TEXT
 from nadia_balance.robot.model import load_robot
-from nadia_balance.sweep.limits import LIMITS, OTHERS, WORST, LimitTable, Record
+from nadia_balance.sweep.limits import (
+    LIMITS,
+    OTHERS,
+    WORST,
+    LimitTable,
+    Record,
+    protocol_of,
+)
 from nadia_balance.sweep.trials import (
     DIGITS,
     OUTCOMES,
@@ -92,8 +99,10 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
         with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
             lines = csv.DictWriter(file, limits.records[0], lineterminator="\n")
             lines.writeheader()
-            for record in limits.records:
-                lines.writerow(with_digits(record, [*OTHERS, *WORST]))
+            lines.writerows(
+                with_digits(record, [*OTHERS, *WORST])
+                for record in limits.records
+            )
     return [PICTURE, TABLES, LIMITS]
 
 
@@ -107,15 +116,16 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
     Returns:
         The text of tables.md.
     """
-    assumptions = "; or ".join(limits.assumptions)
-    notes = _NOTES.format(assumptions or "a robot that steps already")
+    notes = _NOTES.format(
+        "; or ".join(limits.assumptions) or "a robot that steps already"
+    )
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
     speed = model.omega * model.com_height  # sqrt(g z)
-    complete = sum(record["complete"] for record in limits.records)
     done = {
         "1 m/s": f"{model.mass:.1f} N s, {1.0 / speed:.3f} sqrt(g z)",
-        "limits": f"{complete} of {len(limits.records)} complete",
+        "limits": f"{sum(record['complete'] for record in limits.records)} "
+        f"of {len(limits.records)} complete",
         "trials": outcomes(rows),
         **{name: str(value) for name, value in limits.identity.items()},
     }
@@ -168,8 +178,9 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    head = ["direction", *map(limits.title, limits.mechanisms)]
-    return kind[1], table(head, lines)
+    return kind[1], table(
+        ["direction", *map(limits.title, limits.mechanisms)], lines
+    )
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:
@@ -292,7 +303,7 @@ def _draw_curves(
         )
     if len(records) <= _MOST_NUMBERS:
         _write_numbers(ax, records)
-    protocol = limits.protocol(situation)
+    protocol = protocol_of(limits.identity["robot"], situation)
     if protocol:
         ax.plot(
             *closed(protocol.curves(situation[0]).get(last, {})),
@@ -365,7 +376,7 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     """Explains the lines of the first panel, and the area beyond the limit."""
     lines = {str(line.get_label()): line for line in fig.axes[0].lines}
     labels = {name: limits.title(name) for name in limits.mechanisms}
-    protocol = limits.protocol(limits.situations[0])
+    protocol = protocol_of(limits.identity["robot"], limits.situations[0])
     if protocol:
         labels[protocol.paper] = protocol.paper
     handles: list[Artist] = [lines[name] for name in labels]

@@ -21,6 +21,7 @@ from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.verdict import RecoveryWatch, push_signal
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import load_typed
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.results.summary import Run
@@ -60,20 +61,13 @@ def open_workers(
     Raises:
         ValueError: no worker, too many, or no such scheduler.
     """
-    with _client(workers, scheduler) as client:
-        yield client.get_executor(pure=False)
-
-
-@contextlib.contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
-    """Yields Dask's Client, which is untyped; as open_workers."""
     dask: Any = distributed
     if scheduler is None:
-        if not 1 <= workers <= MOST_WORKERS:
-            raise ValueError(
-                f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 "
-                "for each core"
-            )
+        require(
+            1 <= workers <= MOST_WORKERS,
+            f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 "
+            "for each core",
+        )
         with (
             dask.LocalCluster(
                 n_workers=workers,
@@ -87,7 +81,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             dask.Client(cluster, set_as_default=False) as client,
         ):
             client.run(os.setsid)  # Ctrl-C interrupts only this process
-            yield client
+            yield client.get_executor(pure=False)
         return
     try:
         # Or else the Client may hang.
@@ -100,9 +94,11 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             f"scheduler = {scheduler!r}: must be a Dask scheduler ({error})"
         ) from None
     with client:
-        if not client.nthreads():
-            raise ValueError(f"scheduler = {scheduler!r}: must have workers")
-        yield client
+        require(
+            len(client.nthreads()) > 0,
+            f"scheduler = {scheduler!r}: must have workers",
+        )
+        yield client.get_executor(pure=False)
 
 
 def run_sweep(
@@ -223,8 +219,11 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
         dump(walk), sweep.plant, sweep.controller, threading.get_ident()
     )
     try:
-        push = simulation.pushed(diagram, walked, delta_v, cell.direction_deg)
-        verdict = _ended(diagram, push, run)
+        verdict = _ended(
+            diagram,
+            simulation.pushed(diagram, walked, delta_v, cell.direction_deg),
+            run,
+        )
     except Exception as error:
         verdict = {
             "outcome": "error",
@@ -263,10 +262,14 @@ def _ended(diagram: ClosedLoop, push: Simulator, run: Run) -> Row:
 
     def decided(context: Context) -> bool:
         nonlocal at_push
-        is_over = push_signal(diagram, context).waiting == 0.0
-        if has_plan and at_push is None and is_over:
-            model = scenario.point_mass(diagram.robot)
-            at_push = limit_from(diagram, context, model=model).least_steps()
+        if (
+            has_plan
+            and at_push is None
+            and push_signal(diagram, context).waiting == 0.0
+        ):
+            at_push = limit_from(
+                diagram, context, model=scenario.point_mass(diagram.robot)
+            ).least_steps()
         return watch(context)
 
     if run.until:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import AT, Scenario
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import (
     Cell,
@@ -53,8 +53,13 @@ class SearchParams:
         Returns:
             The parameters, unchecked.
         """
-        names = [one.name for one in fields(cls) if one.name in values]
-        return cls(**{name: values[name] for name in names})
+        return cls(
+            **{
+                one.name: values[one.name]
+                for one in fields(cls)
+                if one.name in values
+            }
+        )
 
     @property
     def required(self) -> int:
@@ -102,11 +107,11 @@ class Sweep:
         for name, scenario in self.scenarios.items():
             given = scenario.robot, scenario.seed, scenario.engine
             shared = self.one.robot, self.one.seed, self.one.engine
-            if len(scenario.pushes) != 1 or given != shared:
-                raise ValueError(
-                    f"scenario_name = {name!r}: must have one push, and the "
-                    "robot, seed and engine of the other scenarios"
-                )
+            require(
+                len(scenario.pushes) == 1 and given == shared,
+                f"scenario_name = {name!r}: must have one push, and the "
+                "robot, seed and engine of the other scenarios",
+            )
         for cell in self.cells():
             if cell.direction_deg == self.directions[0]:
                 check(self.walk(cell, replica=0))
@@ -163,9 +168,11 @@ class Sweep:
             mechanisms=cell.mechanisms,
             seed=scenario.seed + replica,
         )
-        period = scenario.controller.control_period
-        if self.plant == "lipm":
-            period = scenario.lipm_period
+        period = (
+            scenario.lipm_period
+            if self.plant == "lipm"
+            else scenario.controller.control_period
+        )
         scenario.pushes[0].delay += (replica % 2) * period
         return scenario
 

@@ -21,6 +21,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.scenario import STANDING, Scenario
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing, locked
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
@@ -112,12 +113,11 @@ def with_digits(row: Row, columns: Iterable[str]) -> Row:
     Returns:
         The rounded row.
     """
-    measured = {
+    return row | {
         name: float(f"{row[name]:.{DIGITS}g}")
         for name in columns
         if isinstance(row[name], float)
     }
-    return {**row, **measured}
 
 
 def results_of(rows: list[Row]) -> Results:
@@ -199,14 +199,15 @@ class Rows:
             text = path.read_text(encoding="utf-8")
             first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
             identity = json.loads(first.removeprefix("# "))
-            if not {*IDENTITY} <= {*identity}:
-                raise ValueError("its first line is of no sweep")
+            require({*IDENTITY} <= {*identity}, "its first line is of no sweep")
             rows = [
                 _parsed(line) for line in csv.DictReader(io.StringIO(lines))
             ]
-            names = identity["scenario"].split(",")
-            if any(row["scenario"] not in names for row in rows):
-                raise ValueError("a scenario is not of the first line")
+            require(
+                {row["scenario"] for row in rows}
+                <= {*identity["scenario"].split(",")},
+                "a scenario is not of the first line",
+            )
             return cls(folder, identity, rows)
         except (
             OSError,
@@ -245,12 +246,12 @@ class Rows:
                 cls.read(folder) if path.exists() else cls(folder, identity, [])
             )
             for name in identity | rows.identity:
-                if identity.get(name) != rows.identity.get(name):
-                    raise ValueError(
-                        f"{name} = {identity.get(name)}: must be "
-                        f"{rows.identity.get(name)} as in {path}, or --out "
-                        "another folder"
-                    )
+                require(
+                    identity.get(name) == rows.identity.get(name),
+                    f"{name} = {identity.get(name)}: must be "
+                    f"{rows.identity.get(name)} as in {path}, or --out "
+                    "another folder",
+                )
             rows._write()  # without a torn line
             with open(path, "a", encoding="utf-8", newline="") as rows.file:
                 yield rows
@@ -274,12 +275,15 @@ def _parsed(line: dict[str, str]) -> Row:
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
-    numbers = [value for name, value in row.items() if name not in _TEXTS]
     if not (
         tuple(line) == COLUMNS
         and row["outcome"] in OUTCOMES
         and row["mechanisms"] in NAMED
-        and all(type(x) in (int, float, type(None)) for x in numbers)
+        and all(
+            type(value) in (int, float, type(None))
+            for name, value in row.items()
+            if name not in _TEXTS
+        )
         and 0.0 <= row["delta_v"] <= MOST
         and 0.0 <= row["direction_deg"] <= 360.0
         and row["replica"] >= 0
@@ -330,5 +334,6 @@ def digest(parts: Iterable[bytes]) -> str:
     Returns:
         16 hex digits.
     """
-    hashes = b"".join(hashlib.sha256(part).digest() for part in parts)
-    return hashlib.sha256(hashes).hexdigest()[:16]
+    return hashlib.sha256(
+        b"".join(hashlib.sha256(part).digest() for part in parts)
+    ).hexdigest()[:16]

@@ -1,7 +1,7 @@
 """Inertial measurement unit and joint encoders, and the state from them."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -76,9 +76,11 @@ def imu_place(
     body = sensors.imu_body or robot.pelvis_body
     if not plant.HasBodyNamed(body):
         raise ValueError(f"imu_body = {body!r}: must be a body of {robot.name}")
-    turn = RollPitchYaw(*np.radians(sensors.imu_rpy_deg))
-    position: Any = sensors.imu_position
-    return plant.GetBodyByName(body), RigidTransform(turn, position)
+    X_BI = RigidTransform(
+        RollPitchYaw(*np.radians(sensors.imu_rpy_deg)),
+        cast(Any, sensors.imu_position),
+    )
+    return plant.GetBodyByName(body), X_BI
 
 
 def imu_motion(
@@ -178,7 +180,6 @@ class Imu(LeafSystem):
         )
         R: Any = X_WI.rotation().matrix()
         v: Any = V_WI.translational()
-        w: Any = V_WI.rotational()
         tick = int(last["ticks"][0])
         rate, force = np.zeros(3), R.T @ -_G  # at rest
         if tick:
@@ -186,12 +187,11 @@ class Imu(LeafSystem):
             turn: Any = RotationMatrix(last_R.T @ R).ToAngleAxis()
             rate = turn.angle() * turn.axis() / self._period
             R_mean = last_R @ gammas(0.5 * self._period * rate)[0]
-            dv = v - last["motion"][9:]
-            force = (dv / self._period - _G) @ R_mean
+            force = ((v - last["motion"][9:]) / self._period - _G) @ R_mean
         random = np.random.default_rng((self._seed, tick, 1))
         walked, noise = random.standard_normal(6), random.standard_normal(9)
         bias = last["bias"] + (self._walk if tick else self._bias) * walked
-        imu = np.concatenate((rate, force, w @ R))
+        imu = np.concatenate((rate, force, V_WI.rotational() @ R))
         imu += self._white * noise
         imu += np.concatenate((bias, bias[:3]))
         return (
@@ -249,18 +249,11 @@ class JointEncoders(LeafSystem):
         state = self._state(context)
         n = self._deviations.size // 2
         tick = round(context.get_time() / self._period)
-        seed = self._seed, tick, 2
-        noise = np.random.default_rng(seed).standard_normal(2 * n)
-        joints: Any = np.concatenate((state[7 : 7 + n], state[-n:]))
-        output.SetFromVector(joints + self._deviations * noise)
-
-
-class _Joints(NamedTuple):
-    """What the joints tell of base B, IMU I and soles, without the base."""
-
-    X_BI: RigidTransform
-    V_BI: Array  # angular, linear velocity of I in B (2, 3)
-    soles: Legs
+        random = np.random.default_rng((self._seed, tick, 2))
+        noise: Any = self._deviations * random.standard_normal(2 * n)
+        output.SetFromVector(
+            np.concatenate((state[7 : 7 + n], state[-n:])) + noise
+        )
 
 
 class StateEstimator(LeafSystem):
@@ -302,14 +295,15 @@ class StateEstimator(LeafSystem):
         kind: str = "invariant",
     ) -> None:
         super().__init__()
-        self._plant = plant = robot.control_plant()
+        self._plant: Any = robot.control_plant()
         self._filter = FILTERS[kind](sensors, period)
         self._height, self._weight = height, robot.mass * GRAVITY
         self._settling = round(SETTLING / period)  # [ticks]
-        self._q0, self._nj = q, plant.num_velocities() - 6
-        self._body, self._X_BodyI = imu_place(plant, robot, sensors)
+        self._X_WB = _base_pose(q)  # at the start
+        self._nj = self._plant.num_velocities() - 6
+        self._body, self._X_BodyI = imu_place(self._plant, robot, sensors)
         self._soles = [
-            (plant.GetFrameByName(name), robot.X_FootSole[side])
+            (self._plant.GetFrameByName(name), robot.X_FootSole[side])
             for side, name in robot.foot_bodies.items()
         ]
         self._range = sensors.imu_range
@@ -317,11 +311,11 @@ class StateEstimator(LeafSystem):
         self._imu = input_port(self, "imu", 9)
         self._joints = input_port(self, "joints", 2 * self._nj)
         self._forces = input_port(self, "foot_forces")
-        self._scratch: Any = declare_scratch(self, plant)
+        self._scratch: Any = declare_scratch(self, self._plant)
         declare_outcome(
             self,
             outputs={
-                "estimated_state": plant.num_multibody_states(),
+                "estimated_state": self._plant.num_multibody_states(),
                 "estimate_covariance": 81,
             },
             memory={
@@ -346,7 +340,7 @@ class StateEstimator(LeafSystem):
         """
         turn, move = np.random.default_rng((seed, 0, 4)).standard_normal((2, 3))
         error: Any = gammas(START[0] * turn)[0]
-        R_WB: Any = RotationMatrix(error) @ _rotation(q)
+        R_WB = RotationMatrix(error) @ _base_pose(q).rotation()
         positions = q.copy()
         positions[:4] = R_WB.ToQuaternion().wxyz()
         positions[4:7] += START[2] * move
@@ -357,27 +351,30 @@ class StateEstimator(LeafSystem):
         imu = self._imu(context)
         if (np.abs(imu) >= self._range).any():
             raise self._imu.error(context, "is saturated")
-        legs = self._legs(context, joints, imu[6:])
+        X_BI, V_BI, legs = self._legs(context, joints, imu[6:])
         loads = self._forces(context) / self._weight
         if last["cov"].any():
-            least = np.where(last["loaded"] > 0.0, RELEASED, LANDED)
-            loaded = (last["loaded"] + 1.0) * (loads > least)
+            loaded = (last["loaded"] + 1.0) * (
+                loads > np.where(last["loaded"] > 0.0, RELEASED, LANDED)
+            )
             parts = {name: last[name].reshape(n) for name, n in _SHAPES.items()}
             estimate = self._filter.predict(Estimate(**parts), imu[:6])
         else:
             loaded = np.full(2, self._settling + 1.0)
-            estimate = self._begin(legs)
+            X_WI = self._X_WB @ X_BI
+            estimate = self._filter.begin(
+                X_WI.rotation().matrix(), X_WI.translation(), START
+            )
         estimate = self._standing(
             estimate,
             legs,
             stood=last["loaded"] > self._settling,
             stands=loaded > self._settling,
         )
-        R, p, w, v, covariance = self._pelvis(estimate, imu, legs)
-        R_WB = RotationMatrix.ProjectToRotationMatrix(R)
+        R_WB, p, w, v, covariance = self._pelvis(estimate, imu, X_BI, V_BI)
         return (
             # The estimated state, in six parts.
-            R_WB.ToQuaternion().wxyz(),
+            RotationMatrix.ProjectToRotationMatrix(R_WB).ToQuaternion().wxyz(),
             p,
             joints[: self._nj],
             w,
@@ -389,37 +386,36 @@ class StateEstimator(LeafSystem):
         )
 
     def _standing(
-        self, estimate: Estimate, legs: _Joints, stood: Any, stands: Any
+        self, estimate: Estimate, legs: Legs, stood: Any, stands: Any
     ) -> Estimate:
         """The estimate with the feet that stand; some `stood` before."""
-        estimate = self._filter.correct(estimate, stood & stands, legs.soles)
+        estimate = self._filter.correct(estimate, stood & stands, legs)
         landed = np.flatnonzero(stands & ~stood)
         for i in landed.tolist():
-            estimate = self._filter.touch(estimate, i, legs.soles)
+            estimate = self._filter.touch(estimate, i, legs)
         # One has settled: the other, with all of the weight until now, is flat.
         if self._height is not None:
             for i in 1 - landed[stands[1 - landed]]:
                 estimate = self._filter.level(
-                    estimate, i, height=self._height, legs=legs.soles
+                    estimate, i, height=self._height, legs=legs
                 )
         return estimate
 
-    def _begin(self, legs: _Joints) -> Estimate:
-        q: Any = self._q0
-        X_WI: Any = RigidTransform(_rotation(q), q[4:7]) @ legs.X_BI
-        return self._filter.begin(
-            X_WI.rotation().matrix(), X_WI.translation(), START
-        )
+    def _legs(
+        self, context: Context, joints: Array, rate: Array
+    ) -> tuple[Any, Array, Legs]:
+        """What the joints (2 nj,) and the IMU's `rate` (3,) say [rad], [s].
 
-    def _legs(self, context: Context, joints: Array, rate: Array) -> _Joints:
-        """What the joints (2 nj,) and the IMU's `rate` (3,) say [rad], [s]."""
-        plant: Any = self._plant
+        X_BI of IMU I in base B, its angular and linear velocity V_BI (2, 3),
+        and the soles, without the base.
+        """
         plant_context = self._scratch.Eval(context)
         n = self._nj
         # The base is at W's origin, and at rest.
         base, rest = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(6)
-        state = np.concatenate((base, joints[:n], rest, joints[n:]))
-        plant.SetPositionsAndVelocities(plant_context, state)
+        self._plant.SetPositionsAndVelocities(
+            plant_context, np.concatenate((base, joints[:n], rest, joints[n:]))
+        )
         X_IB: Any = self._X_BodyI.inverse()
         R_IB, body = X_IB.rotation().matrix(), self._body.body_frame()
         p, R, J = np.empty((2, 3)), np.empty((2, 3, 3)), np.empty((2, 6, n))
@@ -427,7 +423,7 @@ class StateEstimator(LeafSystem):
             X_IF = X_IB @ frame.CalcPose(plant_context, body) @ X
             p[i] = X_IF.translation()
             R[i] = X_IF.rotation().matrix()
-            J_B = plant.CalcJacobianSpatialVelocity(
+            J_B = self._plant.CalcJacobianSpatialVelocity(
                 plant_context,
                 JacobianWrtVariable.kV,
                 frame_B=frame,
@@ -437,24 +433,23 @@ class StateEstimator(LeafSystem):
             )
             J[i] = (R_IB @ J_B[:, 6:].reshape(2, 3, n)).reshape(6, n)
         X_BI, V = imu_motion(
-            plant, plant_context, body=self._body, X_BI=self._X_BodyI
+            self._plant, plant_context, body=self._body, X_BI=self._X_BodyI
         )
         v = J[:, 3:] @ joints[n:] - p @ skew(rate)
-        return _Joints(
-            X_BI=X_BI,
-            V_BI=np.array((V.rotational(), V.translational())),
-            soles=Legs(p=p, R=R, J=J, v=v),
+        return (
+            X_BI,
+            np.array((V.rotational(), V.translational())),
+            Legs(p=p, R=R, J=J, v=v),
         )
 
     def _pelvis(
-        self, estimate: Estimate, imu: Array, legs: _Joints
+        self, estimate: Estimate, imu: Array, X_BI: Any, V_BI: Array
     ) -> tuple[Any, Array, Array, Array, Array]:
         """R_WB, p_WB, w_WB, v_WB of the base, and their covariance (9, 9)."""
-        X_BI: Any = legs.X_BI
         R = estimate.R @ X_BI.rotation().matrix().T
         r = R @ X_BI.translation()
-        w = estimate.R @ (imu[6:] - estimate.bias[0]) - R @ legs.V_BI[0]
-        v = estimate.x[0] - skew(w) @ r - R @ legs.V_BI[1]
+        w = estimate.R @ (imu[6:] - estimate.bias[0]) - R @ V_BI[0]
+        v = estimate.x[0] - skew(w) @ r - R @ V_BI[1]
         p = estimate.x[1] - r
         T = np.eye(9)
         T[3:, :3] = -skew(np.array((v, p))).reshape(6, 3)
@@ -466,6 +461,6 @@ class StateEstimator(LeafSystem):
         return R, p, w, v, covariance
 
 
-def _rotation(q: Any) -> RotationMatrix:
-    """R_WB of the base at positions `q` (nq,)."""
-    return RotationMatrix(Quaternion(q[:4]))
+def _base_pose(q: Any) -> Any:
+    """X_WB of the base at positions `q` (nq,)."""
+    return RigidTransform(RotationMatrix(Quaternion(q[:4])), q[4:7])

@@ -175,8 +175,12 @@ class IcpStepController(LeafSystem):
         state = self._walking(context)
         time_gain = float(self._time(context)[0])
         if time_gain > 0.0:  # t+
-            time = min(state.time_in_phase + time_gain, state.schedule.duration)
-            state = replace(state, time_in_phase=time)
+            state = replace(
+                state,
+                time_in_phase=min(
+                    state.time_in_phase + time_gain, state.schedule.duration
+                ),
+            )
         return self._control.feedback(
             state,
             phase=self._phase.Eval(context)[1],
@@ -264,8 +268,10 @@ class ComHeightController(LeafSystem):
         z, vz = float(com.z), float(com.vz)
         sinking = 0.0
         if state.schedule.phase is Phase.SWING:
-            limit = self._control.stance_limit(place, velocity, state.schedule)
-            desired = min(desired, limit)
+            desired = min(
+                desired,
+                self._control.stance_limit(place, velocity, state.schedule),
+            )
             sole = state.schedule.feet[state.schedule.support_side].p_WF
             sinking = self._control.sinking(
                 place,
@@ -273,9 +279,11 @@ class ComHeightController(LeafSystem):
                 ecmp=ecmp,
                 above=z - float(sole[2]),
             )
-        az = self._control.acceleration(
-            z, vz, desired=desired[0], rate=desired[1], sinking=sinking
-        )
         return momentum_rate(
-            place, ecmp, vertical_acceleration=az, model=self._model
+            place,
+            ecmp,
+            vertical_acceleration=self._control.acceleration(
+                z, vz, desired=desired[0], rate=desired[1], sinking=sinking
+            ),
+            model=self._model,
         )

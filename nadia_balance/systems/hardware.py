@@ -1,6 +1,6 @@
 """Between plant and controller: drives, foot forces, errors of the state."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.multibody.plant import ContactModel, MultibodyPlant
@@ -16,7 +16,7 @@ from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side, whole_ticks
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import Input, input_port
@@ -57,8 +57,9 @@ class JointDrives(LeafSystem):
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
         self._state = input_port(self, "state", plant.num_multibody_states())
-        torques = self.DeclareDiscreteState(velocities.size)
-        self.DeclareStateOutputPort("torques", torques)
+        self.DeclareStateOutputPort(
+            "torques", self.DeclareDiscreteState(velocities.size)
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
@@ -112,14 +113,17 @@ class FootForceSensor(LeafSystem):
         super().__init__()
         step = plant.time_step()
         self._steps = round(period / step) if step > 0.0 else 0
-        if self._steps < 1 or abs(self._steps * step - period) > 1e-9:
-            raise ValueError(
-                f"period = {period}: must be a multiple of the plant's "
-                f"time_step = {step} s"
-            )
+        require(
+            self._steps >= 1 and abs(self._steps * step - period) <= 1e-9,
+            f"period = {period}: must be a multiple of the plant's "
+            f"time_step = {step} s",
+        )
         engine = engine or plant
-        if engine is plant and plant.get_contact_model() != ContactModel.kPoint:
-            raise ValueError("contact_model of the plant: must be point")
+        require(
+            engine is not plant
+            or plant.get_contact_model() == ContactModel.kPoint,
+            "contact_model of the plant: must be point",
+        )
         self._foot_of = _feet_by_contact(plant, robot)
         self._contacts = self.DeclareAbstractInputPort(
             "contact_results",
@@ -178,10 +182,6 @@ def _feet_by_contact(
             foot_of[other, int(foot.index())] = i, 1.0
             foot_of[int(foot.index()), other] = i, -1.0
     return foot_of
-
-
-_FEET = 2
-_PELVIS = slice(4, 7)  # pelvis position in q, behind the quaternion
 
 
 @parameters
@@ -283,13 +283,14 @@ class StateSensor(LeafSystem):
         self._size = size = plant.num_multibody_states()
         self._deviations = np.zeros(size)
         self._deviations[7:nq] = imperfections.joint_noise
-        self._deviations[_PELVIS] = imperfections.pelvis_noise
+        self._deviations[4:7] = imperfections.pelvis_noise  # position
         self._deviations[nq : nq + 6] = imperfections.pelvis_speed_noise
         self._deviations[nq + 6 :] = imperfections.joint_speed_noise
         self._state = input_port(self, "state", size)
-        self._forces = input_port(self, "foot_forces", _FEET)
-        past: Any = np.full(ticks * (size + _FEET), np.nan)
-        self._past: Any = self.DeclareDiscreteState(past)
+        self._forces = input_port(self, "foot_forces")
+        self._past: Any = self.DeclareDiscreteState(
+            cast(Any, np.full(ticks * (size + 2), np.nan))
+        )
         tickets = {self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort(
             "measured_state",
@@ -299,7 +300,7 @@ class StateSensor(LeafSystem):
         )
         self.DeclareVectorOutputPort(
             "measured_foot_forces",
-            _FEET,
+            2,
             self._calc_forces,
             {*tickets, self._forces.ticket()},
         )
@@ -327,6 +328,6 @@ class StateSensor(LeafSystem):
         """The `part` of the oldest sample; the value of the `port` if none."""
         now = port(context)
         past: Any = context.get_discrete_state(self._past).value()
-        samples = past.reshape(-1, self._size + _FEET)[:, part]
+        samples = past.reshape(-1, self._size + 2)[:, part]
         recorded = samples[~np.isnan(samples[:, 0])]
         return recorded[-1] if len(recorded) else now

@@ -50,7 +50,7 @@ from nadia_balance.core.walking.state import (
     Phase,
     WalkingState,
 )
-from nadia_balance.parameters.bounds import check
+from nadia_balance.parameters.bounds import check, require
 from nadia_balance.systems.ports import (
     TICK_TOLERANCE,
     Input,
@@ -155,8 +155,11 @@ class WalkingStateMachine(LeafSystem):
                     context, f"has a {type(step).__name__}, needs Footsteps"
                 )
         if any(one.side is two.side for one, two in itertools.pairwise(steps)):
-            sides = ", ".join(step.side.value for step in steps)
-            raise port.error(context, f"has feet {sides}: they must take turns")
+            raise port.error(
+                context,
+                f"has feet {', '.join(step.side.value for step in steps)}: "
+                "they must take turns",
+            )
         return steps
 
 
@@ -383,12 +386,14 @@ class VelocityCommands(LeafSystem):
         super().__init__()
         rows = [tuple(map(float, row)) for row in rows]
         for i, row in enumerate(rows):
-            if len(row) != 4 or not np.isfinite(row).all():
-                raise ValueError(f"rows[{i}] = {row}: must be 4 finite numbers")
-            if row[0] < 0.0 or i and row[0] <= rows[i - 1][0]:
-                raise ValueError(
-                    f"rows[{i}] = {row}: must be later than the one before"
-                )
+            require(
+                len(row) == 4 and bool(np.isfinite(row).all()),
+                f"rows[{i}] = {row}: must be 4 finite numbers",
+            )
+            require(
+                row[0] >= 0.0 and (i == 0 or row[0] > rows[i - 1][0]),
+                f"rows[{i}] = {row}: must be later than the one before",
+            )
         self._times = [row[0] - TICK_TOLERANCE for row in rows]
         self._values = [np.zeros(3), *(np.array(row[1:]) for row in rows)]
         declare_output(

@@ -12,7 +12,7 @@ them, so that all blocks see the same state in a tick: x+ = f(x-, u).
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.value import Value
@@ -236,8 +236,7 @@ def declare_output(
         port = system.DeclareAbstractOutputPort(
             name, lambda: Value(NOTHING), write, tickets
         )
-    entry: CacheEntry = port.cache_entry()
-    return entry
+    return cast(CacheEntry, port.cache_entry())
 
 
 def declare_cache(
@@ -350,11 +349,8 @@ def declare_outcome(
             inputs are then, until the next tick is due.
     """
     sizes = {**outputs, **memory}
-    ends = itertools.accumulate(sizes.values())
-    parts = {
-        name: slice(end - sizes[name], end)
-        for name, end in zip(sizes, ends, strict=True)
-    }
+    ends = dict(zip(sizes, itertools.accumulate(sizes.values()), strict=True))
+    parts = {name: slice(end - sizes[name], end) for name, end in ends.items()}
     state: Any = system.DeclareDiscreteState(sum(sizes.values()) + holds)
     tickets = _tickets(system, needs)
     tickets.add(system.discrete_state_ticket(state))

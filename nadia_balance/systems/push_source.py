@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -27,7 +27,7 @@ from nadia_balance.core.walking.state import (
     number_of_ticks,
     whole_ticks,
 )
-from nadia_balance.parameters.bounds import check, check_number
+from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.systems.ports import (
     declare_cache,
     declare_output,
@@ -115,8 +115,9 @@ class PushSource(LeafSystem):
         for push in pushes:
             parameter: Any = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(BasicVector(parameter))
-        first: Any = [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)]
-        self._state: Any = self.DeclareDiscreteState(first)
+        self._state: Any = self.DeclareDiscreteState(
+            cast(Any, [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)])
+        )
         needs = [self.discrete_state_ticket(self._state)]
         self._active: Any = declare_cache(
             self, "active", self._calc_active, needs
@@ -128,8 +129,9 @@ class PushSource(LeafSystem):
             self._bodies = []
             for push in [*pushes, Push(at="0 s")]:  # the last one is live
                 body = find_body(plant, push.body or base_body)
-                point = push.point or body.default_com()
-                self._bodies.append((body.index(), point))
+                self._bodies.append(
+                    (body.index(), push.point or body.default_com())
+                )
             self.DeclareAbstractOutputPort(
                 "spatial_forces",
                 lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
@@ -148,9 +150,10 @@ class PushSource(LeafSystem):
             delta_v: velocity change of the robot's mass [m/s].
             direction_deg: 0 forward, 90 left [deg].
         """
-        newtons = self._mass * delta_v / self._effective[0]
         parameter: Any = context.get_mutable_numeric_parameter(0)
-        parameter.SetFromVector([newtons, direction_deg])
+        parameter.SetFromVector(
+            [self._mass * delta_v / self._effective[0], direction_deg]
+        )
 
     def begins(self, context: Context) -> bool:
         """True if the first push begins in an update of a context.
@@ -212,8 +215,7 @@ class PushSource(LeafSystem):
             check(push)
             ticks = number_of_ticks(push.duration, self.period)
             push.duration = ticks * self.period
-            heading = _yaw(self._walking(context))
-            heading += math.radians(direction_deg)
+            heading = _yaw(self._walking(context)) + math.radians(direction_deg)
             row[:] = ticks, heading, push.newtons(self._mass, self.period)
             live[1:] = live[1] + 1.0, ticks
         live[0] = count
@@ -233,8 +235,11 @@ class PushSource(LeafSystem):
             row[:2] = _EXPECTED, _yaw(walking_state)
         if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
-            ticks = len(self._shares[i]) + self._delays[i]
-            row[:] = ticks, row[1] + math.radians(direction_deg), newtons
+            row[:] = (
+                len(self._shares[i]) + self._delays[i],
+                row[1] + math.radians(direction_deg),
+                newtons,
+            )
 
     def _calc_active(
         self, context: Context, _: object
@@ -250,8 +255,7 @@ class PushSource(LeafSystem):
             if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
                 passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])
-                force = newtons * shares[i][passed] * along
-                active.append((i, passed, force))
+                active.append((i, passed, newtons * shares[i][passed] * along))
         return active
 
     def _calc_force(self, context: Context) -> Any:
@@ -276,8 +280,7 @@ class PushSource(LeafSystem):
         for i, _, f_W in self._active.Eval(context):
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = self._bodies[i]
-            tau_W: Any = np.zeros(3)
-            applied.F_Bq_W = SpatialForce(tau=tau_W, f=f_W)
+            applied.F_Bq_W = SpatialForce(tau=cast(Any, np.zeros(3)), f=f_W)
             forces.append(applied)
         output.set_value(forces)
 
@@ -311,8 +314,12 @@ class ContactClock(LeafSystem):
         self._least_force, self._period = LOADED * weight, period
         self._forces = input_port(self, "foot_forces")
         self._state: Any = self.DeclareDiscreteState(8)
-        needs = [self.discrete_state_ticket(self._state)]
-        declare_output(self, "walking_state", self._calc_walking, needs=needs)
+        declare_output(
+            self,
+            "walking_state",
+            self._calc_walking,
+            needs=[self.discrete_state_ticket(self._state)],
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
         self._standing = ContactSchedule(
             phase=Phase.STANDING,
@@ -338,8 +345,9 @@ class ContactClock(LeafSystem):
             memory.set_value([abs(lifted), side, 0.0, steps + swings, *lasted])
 
     def _calc_walking(self, context: Context) -> WalkingState:
-        state = context.get_discrete_state(self._state).value().tolist()
-        swings, side, time, steps, *lasted = state
+        swings, side, time, steps, *lasted = (
+            context.get_discrete_state(self._state).value().tolist()
+        )
         schedule = self._standing
         duration = lasted[int(side + 1.0 + swings)]
         if duration:
@@ -372,6 +380,8 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     Raises:
         ValueError: the plant has no such body.
     """
-    if name == "world" or not plant.HasBodyNamed(name):
-        raise ValueError(f"body = {name!r}: must be a body of the robot")
+    require(
+        name != "world" and plant.HasBodyNamed(name),
+        f"body = {name!r}: must be a body of the robot",
+    )
     return plant.GetBodyByName(name)

@@ -1,6 +1,6 @@
 """The signals between blocks: a signal has the name of its ports."""
 
-from typing import Any
+from typing import Any, cast
 
 from pydrake.common import containers
 from pydrake.systems.framework import Context, OutputPort
@@ -122,8 +122,13 @@ class QpStatus(
         Returns:
             The entries of the status (5,).
         """
-        failures = self.failures + (not qp.solved)
-        return qp.solved, qp.fallback, qp.solves, qp.violation, failures
+        return (
+            qp.solved,
+            qp.fallback,
+            qp.solves,
+            qp.violation,
+            self.failures + (not qp.solved),
+        )
 
 
 class SwingFootReference(
@@ -274,5 +279,4 @@ def read(port: OutputPort, root: Context) -> Any:
     Returns:
         The vector, or the Python value.
     """
-    system: Any = port.get_system()
-    return port.Eval(system.GetMyContextFromRoot(root))
+    return port.Eval(cast(Any, port.get_system()).GetMyContextFromRoot(root))

@@ -201,8 +201,9 @@ class CentroidalEstimator(LeafSystem):
         )
 
     def _calc_terms(self, context: Context) -> WholeBodyTerms:
-        root = self._scratch.Eval(context)
-        plant_context = self._plant.GetMyMutableContextFromRoot(root)
+        plant_context = self._plant.GetMyMutableContextFromRoot(
+            self._scratch.Eval(context)
+        )
         self._plant.SetPositionsAndVelocities(
             plant_context, self._state(context)
         )
@@ -218,10 +219,13 @@ class CentroidalEstimator(LeafSystem):
     def _calc_alip_icp(self, context: Context) -> Array:
         terms = self._terms.Eval(context)
         com = ComState(terms.com_state)
-        velocity = alip_velocity(
-            com.velocity[:2], terms.angular_momentum, self._height
+        return icp(
+            com.position[:2],
+            alip_velocity(
+                com.velocity[:2], terms.angular_momentum, self._height
+            ),
+            self._omega,
         )
-        return icp(com.position[:2], velocity, self._omega)
 
 
 def foot_poses(terms: WholeBodyTerms) -> FootPoses:

@@ -94,8 +94,9 @@ class CaptureRegionStepAdjuster(LeafSystem):
         if state.schedule.phase is not Phase.SWING:
             return None
         geometry = last.geometry if last else None
-        key = geometry_key(state.schedule, mechanisms)
-        if geometry is None or geometry.key != key:
+        if geometry is None or geometry.key != geometry_key(
+            state.schedule, mechanisms
+        ):
             geometry = SwingGeometry(
                 state.schedule, self._params, model=self._model, on=mechanisms
             )
@@ -124,10 +125,11 @@ class CaptureRegionStepAdjuster(LeafSystem):
         landing = self._landing.Eval(context)
         if not landing:
             return CaptureRegions()
-        adjustment = self._adjustment.Eval(context)
         # While `step` is off, the previous adjustment holds.
         return capture_regions(
-            landing, adjustment or current_adjustment(self._walking(context))
+            landing,
+            self._adjustment.Eval(context)
+            or current_adjustment(self._walking(context)),
         )
 
 

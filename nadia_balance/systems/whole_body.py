@@ -1,7 +1,7 @@
 """Joint torques from a momentum rate, and the friction that they count on."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
@@ -119,11 +119,15 @@ class WholeBodyInverseDynamics(LeafSystem):
             )
         unsolved = last["unsolved"][0]
         last_status = QpStatus(last["whole_body_qp_status"])
-        torques = None
-        if last_status.solved or unsolved:  # false before the first tick only
-            torques = last["torques"]
-        failures = last_status.failures + 1
-        status: tuple[float, ...] = (0.0, 0.0, 0.0, np.nan, failures)
+        has_torques = last_status.solved or unsolved  # not in the first tick
+        torques = last["torques"] if has_torques else None
+        status: tuple[float, ...] = (
+            0.0,
+            0.0,
+            0.0,
+            np.nan,
+            last_status.failures + 1,
+        )
         if unsolved <= self._max_unsolved:
             solution = self._qp.solve(terms, command, torques)
             status = last_status.after(solution.qp)
@@ -179,8 +183,7 @@ class FrictionEstimator(LeafSystem):
         self._weight = model.mass * GRAVITY
         self._terms = input_port(self, "whole_body_terms")
         self._wrenches = input_port(self, "foot_wrenches")
-        first: Any = [params.friction, 0.0, 0.0]
-        self.DeclareDiscreteState(first)
+        self.DeclareDiscreteState(cast(Any, [params.friction, 0.0, 0.0]))
         declare_output(
             self,
             "friction",
@@ -190,17 +193,16 @@ class FrictionEstimator(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, new: Any) -> None:
-        last = context.get_discrete_state_vector().value()
         terms = self._terms(context)
-        forces = self._wrenches(context).reshape(2, 6)[:, 3:]
+        wrenches = self._wrenches(context).reshape(2, 6)
         # Force per weight and velocity of each sole, from W to its own frame.
         motion = np.empty((2, 2, 3))
-        motion[:, 0] = forces / self._weight
+        motion[:, 0] = wrenches[:, 3:] / self._weight
         motion[:, 1] = terms.velocities[: SOLES[1].stop].reshape(2, 6)[:, 3:]
         motion = motion @ terms.rotations[:2]
         new.get_mutable_discrete_state(0).set_value(
             friction_after(
-                last.tolist(),
+                context.get_discrete_state_vector().value().tolist(),
                 forces=motion[:, 0],
                 velocities=motion[:, 1],
                 params=self._params,

@@ -5,7 +5,7 @@ connected to what.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any
+from typing import cast
 
 from pydrake.systems.framework import (
     DiagramBuilder,
@@ -14,6 +14,8 @@ from pydrake.systems.framework import (
     PortDataType,
     System,
 )
+
+from nadia_balance.parameters.bounds import require
 
 
 def connect(
@@ -34,8 +36,7 @@ def connect(
         *names: names of the ports, the same at both.
         **renamed: names at the sink by those at the source.
     """
-    pairs = {**dict(zip(names, names, strict=True)), **renamed}
-    for output, name in pairs.items():
+    for output, name in (*zip(names, names, strict=True), *renamed.items()):
         builder.Connect(source.GetOutputPort(output), sink.GetInputPort(name))
 
 
@@ -62,9 +63,10 @@ def fill(
             lacks an output of its role.
     """
     for role, block in blocks.items():
-        if role not in makers:
-            roles = ", ".join((*makers, *others))
-            raise ValueError(f"block = {role!r}: must be one of {roles}")
+        require(
+            role in makers,
+            f"block = {role!r}: must be one of {', '.join((*makers, *others))}",
+        )
         if block is not None:
             _check_block(role, block, outputs[role])
     filled = {
@@ -78,11 +80,11 @@ def _check_block(role: str, block: object, outputs: Collection[str]) -> None:
     if not isinstance(block, System):
         raise ValueError(f"{role} = {block!r}: must be a System, made already")
     for name in outputs:
-        if not block.HasOutputPort(name):
-            raise ValueError(
-                f"{role} = {type(block).__name__}: must have the output port "
-                f"{name!r}"
-            )
+        require(
+            block.HasOutputPort(name),
+            f"{role} = {type(block).__name__}: must have the output port "
+            f"{name!r}",
+        )
 
 
 def wire(
@@ -111,11 +113,11 @@ def wire(
             block.get_output_port, range(block.num_output_ports())
         ):
             name = output.get_name()
-            if name in sources:
-                raise ValueError(
-                    f"{role} = {type(block).__name__}: must not have the "
-                    f"output port {name!r}, another block has it"
-                )
+            require(
+                name not in sources,
+                f"{role} = {type(block).__name__}: must not have the "
+                f"output port {name!r}, another block has it",
+            )
             sources[name] = output
             builder.ExportOutput(output, name)
     exported: set[str] = set()
@@ -132,21 +134,21 @@ def wire(
                 builder.ExportInput(port, name)
                 exported.add(name)
             else:
-                signals = ", ".join(sorted({*sources, *inputs}))
-                raise ValueError(f"{label} must be one of {signals}")
+                raise ValueError(
+                    f"{label} must be one of "
+                    f"{', '.join(sorted({*sources, *inputs}))}"
+                )
 
 
 def _check_kind(label: str, port: InputPort, source: OutputPort) -> None:
     kind, needed = _kind(port), _kind(source)
     if kind != needed:
-        system: Any = source.get_system()
+        name = cast(System, source.get_system()).get_name()
         raise ValueError(
-            f"{label} must be {needed}, as {system.get_name()}'s output; "
-            f"it is {kind}"
+            f"{label} must be {needed}, as {name}'s output; it is {kind}"
         )
 
 
 def _kind(port: InputPort | OutputPort) -> str:
-    if port.get_data_type() == PortDataType.kAbstractValued:
-        return "abstract"
-    return f"a vector of {port.size()}"
+    is_abstract = port.get_data_type() == PortDataType.kAbstractValued
+    return "abstract" if is_abstract else f"a vector of {port.size()}"
