@@ -266,6 +266,8 @@ def steps(log: Log) -> list[Step]:
             continue
         transfer = spans[i - 1] if i else None
         first, landed = (transfer or swing).first, swing.last + 1
+        if np.isnan(signal_view(log, "walking_signal", first).target[0]):
+            first = swing.first  # the transfer was to stand, at first
         taken.append(
             Step(
                 side=swing.swing_side,
@@ -362,7 +364,7 @@ def sole_pose(log: Log, row: int, side: Side) -> FootPose:
 
 
 def _level_pose(entries: Array) -> FootPose:
-    """The pose of x, y [m] and yaw [rad], (3,), on the ground; NaN: none."""
+    """The pose of x, y [m] and yaw [rad], (3,), on the ground."""
     x, y, yaw = entries
     return FootPose(np.array([x, y, 0.0]), float(yaw))
 

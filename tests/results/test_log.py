@@ -11,6 +11,7 @@ from nadia_balance.results.log import (
     sole_pose,
     steps,
 )
+from nadia_balance.systems.signals import WalkingSignal
 from tests.results.made_up_run import HALF_WIDTH, MASS, Recipe, T, make_log
 
 
@@ -50,6 +51,17 @@ def test_a_step_knows_what_was_commanded_adjusted_and_achieved():
     assert second.transfer.phase is Phase.TRANSFER
     start = sole_pose(log, 0, Side.RIGHT)
     assert start.p_WF == pytest.approx([0.0, -HALF_WIDTH, 0.0])
+
+
+def test_a_transfer_that_was_to_stand_has_a_step_of_its_swing():
+    """Oracle: by hand: the target is NaN until a step was asked for."""
+    log = dict(make_log(Recipe(num_steps=2, length=0.3)))
+    expected = steps(log)[0].commanded
+    spans, walking = phase_spans(log), log["walking_signal"].copy()
+    log["walking_signal"] = walking
+    column = WalkingSignal.get_fields().index("target_x")
+    walking[spans[1].first, column : column + 3] = np.nan
+    assert steps(log)[0].commanded == expected
 
 
 def test_finds_each_push_with_its_own_size():
