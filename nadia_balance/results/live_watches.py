@@ -8,9 +8,9 @@ from collections import deque
 
 import numpy as np
 
-from nadia_balance.core.body.reachability import closest_point
+from nadia_balance.core.body.reachability import distance_between
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import intersection, project
+from nadia_balance.core.math.polygon import project
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 
 REMEMBERED = 1.0  # time before a fall that may say why [s]
@@ -181,8 +181,8 @@ def missed_words(regions: CaptureRegions) -> str:
     outside = math.dist(p_W, project(p_W, captures))
     if outside <= MISSED:
         return ""
-    if len(regions.reach) and not len(intersection(regions.reach, captures)):
-        gap = closest_point(regions.reach, captures)[1]
+    if len(regions.reach):
+        gap = distance_between(regions.reach, captures)
         if gap > MISSED:
             return f"capture region out of reach by {gap:.2f} m"
     return f"foothold outside the capture region by {outside:.2f} m"
