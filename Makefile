@@ -129,13 +129,15 @@ POLICY := build/fastsac_g1_29dof.onnx
 POLICY_MORE := --robot g1 --resolution 0.1 --stride 4 --replicas 1 \
 	--controller $(POLICY)
 policy: .venv/installed-test $(POLICY) $(MADE)/g1_policy_moments.swept \
-		$(MADE)/g1_policy_mujoco.swept $(MADE)/g1_policy_ideal.swept
+		$(MADE)/g1_policy_mujoco.swept $(MADE)/g1_policy_ideal.swept \
+		$(MADE)/g1_policy_standing.swept
 
 $(MADE)/g1_policy_moments.swept: SWEEP := $(POLICY_MORE) \
 	--at "right swing 25 %, $(LATER)"
 $(MADE)/g1_policy_mujoco.swept: SWEEP := $(POLICY_MORE) --engine mujoco \
 	--at "right swing 25 %, $(LATER)"
 $(MADE)/g1_policy_ideal.swept: SWEEP := $(POLICY_MORE) --fidelity ideal
+$(MADE)/g1_policy_standing.swept: SWEEP := $(POLICY_MORE) --at standing
 $(POLICY):
 	$(BIN)/python -m pip install --no-deps --target build/holosoma \
 		holosoma-inference==0.1.3
