@@ -395,7 +395,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
 
 
 def _walking_by(velocity: Sequence[float], scenario: Scenario) -> Scenario:
-    """With this command in the place of the scenario's steps.
+    """The scenario with one command in the place of its steps.
 
     Raises ValueError: --scenario_text has steps.
     """

@@ -95,7 +95,7 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 
 
 def _at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
-    """With --random pushes instead, for which gait and run are long enough."""
+    """The scenario with --random pushes, and long enough for them."""
     drawn = {"at": args.at, "direction": args.direction, "shape": args.shape}
     for name, value in drawn.items():
         require(

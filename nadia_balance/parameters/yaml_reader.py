@@ -196,7 +196,10 @@ def typed(schema: type[T], tree: object, name: str = "") -> T:
 
 
 def _made(schema: Any, value: Any, default: Any) -> Any:
-    """Of a class, `value` are the fields that differ from its `default`."""
+    """Makes the type `schema` of a tree, checked before.
+
+    The tree of a class has the fields that differ from its `default`.
+    """
     base, args = typing.get_origin(schema), typing.get_args(schema)
     if value is None or (base is None and isinstance(value, schema)):
         return value

@@ -15,7 +15,7 @@ from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 
 REMEMBERED = 1.0  # time before a fall that may say why [s]
 MISSED = 0.01  # distances that count as outside of a region [m]
-# Of a velocity command.
+# Names and units of the parts of a velocity command.
 _UNITS = (("forward", "m/s"), ("left", "m/s"), ("turn", "rad/s"))
 
 

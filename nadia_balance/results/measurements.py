@@ -449,7 +449,7 @@ def _qp_fallbacks(log: Log) -> int:
 
 
 def _qp_violations(log: Log) -> Array:
-    """Those of both QPs, but of solves that failed: NaN."""
+    """Violations (n,) of the constraints in the solves that succeeded."""
     return np.concatenate(
         [qp.violation[np.isfinite(qp.violation)] for qp in _qps(log)] or [[]]
     )

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import nadia_balance
 from nadia_balance.core.body.model import JointDriveParams, LegGeometry
@@ -141,8 +142,8 @@ def load_sensors(name: str) -> SensorParams:
 
 
 # Ideal robots take any load at once, and their links pass through each other:
-# a layer of the controller's parameters, and in `idealised` of the robot's.
-IDEAL_WHOLE_BODY: dict[str, object] = {"loading_time": 0.0, "avoidance": None}
+# a layer of the controller's parameters, and of the robot's (see idealised).
+IDEAL_WHOLE_BODY: dict[str, Any] = {"loading_time": 0.0, "avoidance": None}
 
 
 def idealised(params: RobotParams) -> RobotParams:
@@ -165,5 +166,9 @@ def idealised(params: RobotParams) -> RobotParams:
             max_braking=math.inf,
             settling=0.0,
         ),
-        whole_body=replace(params.whole_body, loading_time=0.0, avoidance=None),
+        whole_body=replace(
+            params.whole_body,
+            loading_time=IDEAL_WHOLE_BODY["loading_time"],
+            avoidance=IDEAL_WHOLE_BODY["avoidance"],
+        ),
     )

@@ -47,7 +47,7 @@ SETTLING = 0.06  # [s]
 # are measured, while W is where the robot stands and heads, but for rounding.
 START = np.array(((5e-3, 5e-3, 1e-4), (1e-3,) * 3, (1e-4, 1e-4, 5e-3)))
 
-# Of the parts of an Estimate.
+# Shapes of the parts of an Estimate.
 _SHAPES = {
     "R": (3, 3),
     "x": (4, 3),

@@ -357,10 +357,11 @@ def declare_outcome(
 
     def tick(context: Context, _: Any) -> Array:
         last: Any = context.get_discrete_state(state).value()
-        x = calc(context, {name: last[part] for name, part in parts.items()})
+        values = {name: last[part] for name, part in parts.items()}
+        following = list(calc(context, values))
         if holds:
-            x = (*x, (context.get_time() + period,))
-        return np.concatenate(x)
+            following.append((context.get_time() + period,))
+        return np.concatenate(following)
 
     outcome: Any = declare_cache(system, "outcome", tick, needs=tickets)
 

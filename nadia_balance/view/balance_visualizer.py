@@ -217,7 +217,7 @@ class BalanceVisualizer(LeafSystem):
         )
         for side, outlines in self._footsteps.items():
             if schedule.in_contact(side):
-                self._draw_print(
+                self._draw_footprint(
                     f"{side.value}_{state.steps_taken - (side is not landed)}",
                     palette.foot_color(side),
                     schedule.feet[side],
@@ -231,7 +231,7 @@ class BalanceVisualizer(LeafSystem):
             for outline, X_WF in zip_longest(outlines, poses[:STEPS_PER_SIDE]):
                 outline.place(X_WF, time)
 
-    def _draw_print(
+    def _draw_footprint(
         self, name: str, color: str, pose: FootPose, time: float
     ) -> None:
         path = f"{FOOTPRINTS}/{name}"

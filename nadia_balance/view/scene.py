@@ -86,6 +86,8 @@ def add_robot_view(
     builder: DiagramBuilder,
     scene_graph: SceneGraph,
     meshcat: Meshcat,
+    prefix: str = ROBOT,
+    role: Role = Role.kIllustration,
     **looks: Any,
 ) -> None:
     """Adds a MeshcatVisualizer, by default of visual shapes.
@@ -94,14 +96,17 @@ def add_robot_view(
         builder: builder of the diagram.
         scene_graph: scene graph of the robot, in the builder.
         meshcat: where it is drawn.
-        **looks: parameters of the MeshcatVisualizer, such as its role.
+        prefix: path of the shapes in Meshcat.
+        role: of the shapes that are drawn.
+        **looks: other MeshcatVisualizerParams.
     """
-    looks = {"prefix": ROBOT, "role": Role.kIllustration, **looks}
     MeshcatVisualizer.AddToBuilder(
         builder,
         scene_graph,
         meshcat,
-        MeshcatVisualizerParams(publish_period=PERIOD, **looks),
+        MeshcatVisualizerParams(
+            publish_period=PERIOD, prefix=prefix, role=role, **looks
+        ),
     )
 
 

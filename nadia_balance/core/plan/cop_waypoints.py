@@ -319,7 +319,7 @@ class Stance:
     def cop_point(
         self, params: CopPointParams, side: Side, step_length: float
     ) -> Array:
-        """With x = clamp(step_length_factor * step_length, min_x, max_x).
+        """Places a CoP: x = clamp(step_length_factor length, min_x, max_x).
 
         Args:
             params: offsets of the point.

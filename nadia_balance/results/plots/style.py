@@ -110,6 +110,8 @@ def fill(
     color: str,
     label: str | None = None,
     alpha: float = 0.22,
+    edgecolor: Any = None,
+    linewidth: float = 1.4,
     **style: Any,
 ) -> None:
     """Draws a polygon with a transparent fill and an opaque edge.
@@ -120,13 +122,16 @@ def fill(
         color: colour, written #rrggbb.
         label: label in the legend, if any.
         alpha: opacity of the fill.
+        edgecolor: colour of the edge; None: that of the fill.
+        linewidth: width of the edge [pt].
         **style: other properties, such as linestyle or zorder.
     """
-    style = {"edgecolor": color, "linewidth": 1.4, **style}
     ax.add_patch(
         Polygon(
             polygon,
             facecolor=(*palette.rgb(color), alpha),
+            edgecolor=color if edgecolor is None else edgecolor,
+            linewidth=linewidth,
             label=label,
             **style,
         )
