@@ -1,0 +1,130 @@
+"""Ticks of a controller, replayed from inputs that were recorded.
+
+A controller that gets the inputs of a run, tick by tick, repeats the run to the
+last bit, without the plant: what it computes in a tick can be measured alone,
+and as often as need be.
+"""
+
+import copy
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import System
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.state import Phase
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import start
+from nadia_balance.systems.signals import PHASES, WalkingSignal
+
+RECORDED = "actuation", "walking_signal", "push_signal"
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """What a controller got in n ticks, and what it made of it.
+
+    Args:
+        period: time between two ticks [s].
+        inputs: values of its input ports in each tick, by name.
+        actuation: torques (n, nu) [N m].
+        walking_signal: before the update of each tick (n, 17).
+        pushed: whether a push acts, or has acted before (n,).
+    """
+
+    period: float
+    inputs: list[dict[str, Any]]
+    actuation: Array
+    walking_signal: Array
+    pushed: Any
+
+    @property
+    def walks(self) -> Any:
+        """True for the ticks of walking: not those of standing (n,)."""
+        phases = self.walking_signal[:, 0]
+        return phases != PHASES.index(Phase.STANDING)
+
+    @property
+    def moves(self) -> Any:
+        """True for the ticks that move the foothold of a swing (n,)."""
+        now = WalkingSignal(self.walking_signal.T)
+        swings = now.phase == PHASES.index(Phase.SWING)
+        same = swings[1:] & swings[:-1]
+        same &= np.diff(now.steps_taken) == 0.0
+        moved = (np.diff(now.target, axis=1) != 0.0).any(axis=0)
+        return np.append(same & moved, False)
+
+
+def record(scenario: Scenario, end: float) -> Ticks:
+    """Simulates a scenario, and records its controller's ticks.
+
+    Args:
+        scenario: of the closed loop.
+        end: simulated time [s].
+
+    Returns:
+        The ticks, from the first one on.
+    """
+    diagram = HumanoidDiagram(scenario)
+    simulator = start(diagram)
+    root = simulator.get_mutable_context()
+    controller = diagram.controller
+    own = controller.GetMyContextFromRoot(root)
+    period = scenario.controller.control_period
+    inputs = []
+    for tick in range(round(end / period)):
+        if tick > 0:  # also in time 0, AdvanceTo would update
+            simulator.AdvanceTo(tick * period)  # this tick's update is pending
+        inputs.append(
+            {
+                port.get_name(): copy.copy(port.Eval(own))
+                for port in _input_ports(controller)
+                if port.HasValue(own)
+            }
+        )
+    simulator.AdvanceTo(end)
+    logs = diagram.read_logs(root)
+    rows = slice(len(inputs))
+    return Ticks(
+        period,
+        inputs,
+        actuation=logs["actuation"][rows],
+        walking_signal=logs["walking_signal"][rows],
+        pushed=np.maximum.accumulate(logs["push_signal"][rows, 0] > 0.0),
+    )
+
+
+def replay(controller: System, ticks: Ticks) -> tuple[Array, Array]:
+    """Lets a controller compute recorded ticks.
+
+    Args:
+        controller: one that was not simulated yet.
+        ticks: inputs of its ticks.
+
+    Returns:
+        The processor time of each tick (n,) [s], and its torques (n, nu) [N m].
+    """
+    simulator = Simulator(controller)
+    context = simulator.get_mutable_context()
+    output = controller.GetOutputPort("actuation")
+    times = np.empty(len(ticks.inputs))
+    torques = np.empty_like(ticks.actuation)
+    for i, values in enumerate(ticks.inputs):
+        for name, value in values.items():
+            controller.GetInputPort(name).FixValue(context, value)
+        if i == 0:
+            simulator.Initialize()  # makes the first tick's update pending
+        begin = time.thread_time()
+        torques[i] = output.Eval(context)
+        simulator.AdvancePendingEvents()
+        times[i] = time.thread_time() - begin
+        simulator.AdvanceTo((i + 1) * ticks.period)
+    return times, torques
+
+
+def _input_ports(system: System) -> list[Any]:
+    return [system.get_input_port(i) for i in range(system.num_input_ports())]
