@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import System
+from pydrake.systems.framework import Context, System
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Phase
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import start
-from nadia_balance.systems.signals import PHASES, WalkingSignal
-
-RECORDED = "actuation", "walking_signal", "push_signal"
+from nadia_balance.systems.signals import PHASES, WalkingSignal, read
 
 
 @dataclass(frozen=True)
@@ -59,12 +57,12 @@ class Ticks:
         return np.append(same & moved, False)
 
 
-def record(scenario: Scenario, end: float) -> Ticks:
+def record_push(scenario: Scenario, after: float) -> Ticks:
     """Simulates a scenario, and records its controller's ticks.
 
     Args:
-        scenario: of the closed loop.
-        end: simulated time [s].
+        scenario: of the closed loop, with a push.
+        after: time from the begin of the push to the end [s].
 
     Returns:
         The ticks, from the first one on.
@@ -73,20 +71,18 @@ def record(scenario: Scenario, end: float) -> Ticks:
     simulator = start(diagram)
     root = simulator.get_mutable_context()
     controller = diagram.controller
-    own = controller.GetMyContextFromRoot(root)
+    context = controller.GetMyContextFromRoot(root)
     period = scenario.controller.control_period
-    inputs = []
-    for tick in range(round(end / period)):
-        if tick > 0:  # also in time 0, AdvanceTo would update
-            simulator.AdvanceTo(tick * period)  # this tick's update is pending
-        inputs.append(
-            {
-                port.get_name(): copy.copy(port.Eval(own))
-                for port in _input_ports(controller)
-                if port.HasValue(own)
-            }
-        )
-    simulator.AdvanceTo(end)
+    inputs: list[dict[str, Any]] = []
+    is_pushed, left = False, round(after / period)
+    while left > 0 and len(inputs) * period < scenario.duration:
+        if inputs:  # AdvanceTo(0.0) would update
+            simulator.AdvanceTo(len(inputs) * period)
+        inputs.append(_read_inputs(controller, context))
+        signal = read(diagram.push.GetOutputPort("push_signal"), root)
+        is_pushed = is_pushed or signal[0] > 0.0
+        left -= is_pushed
+    simulator.AdvanceTo(len(inputs) * period)
     logs = diagram.read_logs(root)
     rows = slice(len(inputs))
     return Ticks(
@@ -96,6 +92,19 @@ def record(scenario: Scenario, end: float) -> Ticks:
         walking_signal=logs["walking_signal"][rows],
         pushed=np.maximum.accumulate(logs["push_signal"][rows, 0] > 0.0),
     )
+
+
+def _read_inputs(controller: System, context: Context) -> dict[str, Any]:
+    """The values of its ports, in its context, without those left open."""
+    ports: list[Any] = [
+        controller.get_input_port(i)
+        for i in range(controller.num_input_ports())
+    ]
+    return {
+        port.get_name(): copy.copy(port.Eval(context))
+        for port in ports
+        if port.HasValue(context)
+    }
 
 
 def replay(controller: System, ticks: Ticks) -> tuple[Array, Array]:
@@ -110,7 +119,7 @@ def replay(controller: System, ticks: Ticks) -> tuple[Array, Array]:
     """
     simulator = Simulator(controller)
     context = simulator.get_mutable_context()
-    output = controller.GetOutputPort("actuation")
+    output: Any = controller.GetOutputPort("actuation")
     times = np.empty(len(ticks.inputs))
     torques = np.empty_like(ticks.actuation)
     for i, values in enumerate(ticks.inputs):
@@ -124,7 +133,3 @@ def replay(controller: System, ticks: Ticks) -> tuple[Array, Array]:
         times[i] = time.thread_time() - begin
         simulator.AdvanceTo((i + 1) * ticks.period)
     return times, torques
-
-
-def _input_ports(system: System) -> list[Any]:
-    return [system.get_input_port(i) for i in range(system.num_input_ports())]
