@@ -358,7 +358,8 @@ class LipmLimit:
             _mean_decay(w * transfer)
             for transfer in [*transfers[1:], *transfers[-1:]][:n]
         ]
-        gained = self.fall / (2.0 * GRAVITY) * np.arange(1, n + 1)
+        # Not once more at each landing: it depends on the fall of that time.
+        gained = self.fall / (2.0 * GRAVITY)
         return np.asarray(np.exp(-w * (landings - gained)) * loading)
 
 

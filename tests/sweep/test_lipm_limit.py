@@ -153,28 +153,53 @@ def test_the_farthest_icp_of_a_step(phase, at, rest, swing, load):
         assert replace(lipm, icp=icp).least_steps() == expected
 
 
-def test_a_fall_at_the_touchdown_is_that_of_a_pendulum():
-    """Oracle: the pendulum of variable height, by RK45, which falls at last."""
-    model, on, rest = robot(speed=math.inf), MECHANISMS["step"], 0.75 * 0.7
-    w, last = model.omega, 0.05
+def test_a_fall_at_each_touchdown_is_that_of_a_pendulum():
+    """Oracle: the pendulum of variable height, by RK45.
+
+    It falls in the last 0.05 s before each landing and rises in as long a time
+    behind it.  The push is linear in the weights of the two steps, 1 m each;
+    what each is without a fall, one step and two tell.
+    """
+    wide = rectangle(0.25, 4.0)  # so that nothing is lost sideways
+    model = replace(robot(speed=math.inf), sole=wide)
+    on = MECHANISMS["step_swing_transfer"]
+    w, last, least, fall = model.omega, 0.05, 0.2, 0.2
+    timing = TimingAdapterParams(min_swing_duration=least)
+    first = timing.least_rest_of_swing(0.7, 0.25 * 0.7)
+    landings = [first, first + timing.min_transfer_duration + least]
 
     def flow(t, state, fall):
         x, v, z, v_z = state
-        down = fall / last if t > rest - last else 0.0
-        return v, (9.81 - down) / z * x, v_z, -down
+        times = t - np.array(landings)
+        falls = np.any((-last < times) & (times <= 0.0))
+        down = float(falls) - float(np.any((0.0 < times) & (times <= last)))
+        return v, (9.81 - down * fall / last) / z * x, v_z, -down * fall / last
+
+    def icps(fall):
+        run = solve_ivp(
+            flow,
+            (0.0, landings[-1]),
+            (1.0, w, model.com_height, 0.0),
+            t_eval=landings,
+            args=(fall,),
+            max_step=1e-3,
+        )
+        return run.y[0] + run.y[1] / w
+
+    def reached(num_steps, fall=0.0):
+        """How far ahead of the sole the push may bring the ICP [m]."""
+        one = limit(model, on, num_steps=num_steps, fall=fall)
+        one = replace(one, timing=timing)
+        ahead = one.icp[0] - 0.125  # of the sole's tip
+        return ahead + per_speed * one.largest_push(0.0)
 
     per_speed = (1.0 - math.exp(-0.1 * w)) / (0.1 * w * w)
-    icps, weights = [], []
-    for fall in (0.0, 0.2):
-        start, args = (1.0, w, model.com_height, 0.0), (fall,)
-        run = solve_ivp(flow, (0.0, rest), start, args=args, max_step=0.01)
-        icps.append(run.y[0, -1] + run.y[1, -1] / w)
-        one = limit(model, on, num_steps=1, fall=fall)
-        ahead = one.icp[0] - 0.125  # of the sole's tip; the step is 1 m long
-        weights.append(ahead + per_speed * one.largest_push(0.0))
-    gained = math.log(icps[0] / icps[1])
-    assert gained > 0.03
-    assert math.log(weights[1] / weights[0]) == pytest.approx(gained, rel=0.05)
+    gained = icps(0.0) / icps(fall)
+    weights = np.diff([0.0, reached(1), reached(2)])
+    assert weights[1] > 0.2 * weights[0] and np.all(gained > 1.02)
+    assert reached(1, fall) == pytest.approx(weights[0] * gained[0], rel=2e-3)
+    both = weights @ gained
+    assert reached(2, fall) == pytest.approx(both, rel=2e-3)
 
 
 def test_without_a_step_there_are_the_soles_on_the_ground():
