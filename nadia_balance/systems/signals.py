@@ -230,6 +230,30 @@ class MeasuredFeet(
     left, right = entries(0, 3), entries(4, 7)
 
 
+class Touchdown(
+    namedview(  # type: ignore[misc]
+        "Touchdown",
+        [
+            "time",
+            "side",
+            "speed_along",
+            "speed_down",
+            "tilt",
+            "force",
+            "mean_force",
+            "slide",
+        ],
+    )
+):
+    """How a foot meets the ground: the motion of the lowest corner before.
+
+    `side` is +1 for left, -1 for right; the speeds are along the ground and
+    down [m/s], `tilt` is that of the sole [rad], `force` the largest one in a
+    step of the plant, `mean_force` over 10 ms, both per weight [-]; `slide` is
+    how far the sole moves along the ground in 0.1 s [m].
+    """
+
+
 # Angles of torso and pelvis against the vertical [rad].
 TrunkTilt = namedview("TrunkTilt", ["torso", "pelvis"])
 
