@@ -4,7 +4,7 @@ The friction of the soles is lowered after a slip.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -58,9 +58,11 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
-_HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
-# Costs of accelerations of joints and trunk beyond their limits [s^4/rad^2].
+# Costs of what limits yield if they must: accelerations of joints and trunk
+# [s^4/rad^2], of links [s^4/m^2], and the torque rate, per its limit [-].
 _JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
+_DISTANCE_SLACK = 100.0
+_RATE_SLACK = 1e4
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _LOADED = 0.2  # share of the weight below which slips are ignored [-]
 _LESS = 0.9  # new estimate over the friction used in a slip [-]
@@ -92,7 +94,9 @@ class WholeBodyLimits:
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._trunk_rows = slice(2 * n, 2 * n + 2)
         self._joints, self.num_soft = np.eye(n), n + 2
-        self._slack_cost = np.diag([_JOINT_SLACK] * n + [_TILT_SLACK] * 2)
+        self._slack_costs = np.array(
+            [_JOINT_SLACK] * n + [_TILT_SLACK] * 2 + [_RATE_SLACK]
+        )
         margin = 2.0 * params.sole_margin
         self._sole_length = model.sole_length - margin
         self._sole_width = model.sole_width - margin
@@ -173,9 +177,7 @@ class WholeBodyLimits:
             bounds[0, row:] = -terms.avoidance.limits[:, -1]
             bounds[1, row:] = np.inf
 
-    def torque_bounds(
-        self, speed: Array, last: Array | None, haste: float = 1.0
-    ) -> Array:
+    def torque_bounds(self, speed: Array, last: Array | None) -> Array:
         """The least and the largest torques, per unit of the robot's mass.
 
         They follow from the torque rate limit and from the torque-speed line
@@ -185,7 +187,6 @@ class WholeBodyLimits:
             speed: of the joints (nj,) [rad/s].
             last: torques of the last tick (nj,), whose change is limited if
                 they are given [N m].
-            haste: number of ticks' changes that are allowed [-].
 
         Returns:
             The bounds (2, nj) [m^2/s^2].
@@ -198,12 +199,12 @@ class WholeBodyLimits:
             max_speed=self._model.max_speed,
             corner_speed=self._model.drives.corner_speed,
         )
-        if last is None or math.isinf(haste):
+        if last is None:
             return bounds
         lower, upper = bounds
         near = (
             np.minimum(np.maximum(last / self._model.mass, lower), upper)
-            + haste * self._torque_steps
+            + self._torque_steps
         )
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
@@ -213,14 +214,16 @@ class WholeBodyLimits:
         first: int,
         terms: WholeBodyTerms,
         last_torques: Array | None,
-    ) -> Iterator[QpProblem]:
-        """The problem with ever weaker limits.
+    ) -> QpProblem:
+        """The problem whose limits of joints, tilt, rate and distances yield.
 
-        Joint limits and tilt get a slack s each, lower <= C x + s <= upper,
-        with a cost s^2, so that none yields more than it has to.  Then the
-        torque rate limits grow by the factors _HASTE, and the link distances
-        are dropped: the bounds of `problem` change in place.  The slacks are
-        the last variables, in rad/s^2.
+            lower <= C x + s <= upper of joint accelerations and tilt,
+            |torques - last torques| <= (1 + h) steps, within those of drives,
+            A x + d >= lower of the link distances,
+
+        with a cost of s^2, h^2 and d^2, so that none yields more than it has
+        to; none is physical.  The variables are [x, s, h, d], h and d where
+        there is such a limit.
 
         Args:
             problem: that of the tick, infeasible.
@@ -229,35 +232,55 @@ class WholeBodyLimits:
             last_torques: torques of the last tick (nj,), if their rate is
                 limited [N m].
 
-        Yields:
-            The problems.
+        Returns:
+            The problem.
         """
-        H, g, A, lower, upper = problem
+        n, soft = problem.g.size, self.num_soft
+        pairs = len(terms.avoidance.limits) if terms.avoidance else 0
+        has_rate = self._model.drives is not None and last_torques is not None
+        costs = self._slack_costs[: soft + 1 if has_rate else soft]
+        if pairs:
+            costs = np.append(costs, _DISTANCE_SLACK)
+        H = np.zeros((n + costs.size, n + costs.size))
+        H[:n, :n] = problem.H
+        H[range(n, len(H)), range(n, len(H))] = costs
+        A = np.zeros((len(problem.A), len(H)))
+        A[:, :n] = problem.A
         rows = slice(
             first + self._joint_rows.start, first + self._trunk_rows.stop
         )
-        n, soft = g.size, self.num_soft
-        H_soft = np.block(
-            [[H, np.zeros((n, soft))], [np.zeros((soft, n)), self._slack_cost]]
-        )
-        A_soft = np.hstack((A, np.zeros((len(A), soft))))
-        A_soft[rows, n:] = np.eye(soft)
+        A[rows, n : n + soft] = np.eye(soft)
+        if pairs:
+            A[-pairs:, -1] = 1.0
         softened = QpProblem(
-            H=H_soft,
-            g=np.concatenate((g, np.zeros(soft))),
-            A=A_soft,
-            lower=lower,
-            upper=upper,
+            H=H,
+            g=np.concatenate((problem.g, np.zeros(costs.size))),
+            A=A,
+            lower=problem.lower,
+            upper=problem.upper,
         )
-        yield softened
-        for haste in _HASTE if last_torques is not None else ():
-            torques = self.torque_bounds(terms.v[6:], last_torques, haste)
-            rows = slice(first, first + len(self._joints))
-            lower[rows], upper[rows] = torques - terms.forces[6:, -1]
-            yield softened
-        if terms.avoidance and len(terms.avoidance.limits):
-            lower[-len(terms.avoidance.limits) :] = -np.inf
-            yield softened
+        if not has_rate:
+            return softened
+        rows = slice(first, first + len(self._joints))
+        drives = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
+        return self._with_haste(softened, rows, n + soft, drives)
+
+    def _with_haste(
+        self, problem: QpProblem, rows: slice, haste: int, drives: Array
+    ) -> QpProblem:
+        """The problem with torque rates that variable `haste` lets grow.
+
+        Its torque `rows`, bounded by the rate, get the bounds `drives` (2, nj);
+        behind all rows there are one-sided ones for the rate.
+        """
+        free = np.full(rows.stop - rows.start, np.inf)
+        A = np.concatenate((problem.A, problem.A[rows], problem.A[rows]))
+        steps: Array = self._torque_steps[1]
+        A[len(problem.A) :, haste] = np.concatenate((steps, -steps))
+        lower = np.concatenate((problem.lower, problem.lower[rows], -free))
+        upper = np.concatenate((problem.upper, free, problem.upper[rows]))
+        lower[rows], upper[rows] = drives
+        return problem._replace(A=A, lower=lower, upper=upper)
 
     def _upright(self, terms: WholeBodyTerms) -> tuple[Array, Array]:
         """Returns rows (2, nv) and lower bounds (2,) on the trunk's tilt.

@@ -57,8 +57,8 @@ class WholeBodyQp:
     * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * limits on contact wrenches, torques, joints, the trunk's tilt and the
-      distances of near links; if the QP is infeasible, the limits of joints and
-      tilt become soft, then torque rate limits and link distances are dropped.
+      distances of near links; if the QP is infeasible, the limits of joints,
+      tilt, torque rates and distances become soft.
 
     Internally, forces, torques and M are per unit of the robot's mass.
 
@@ -83,11 +83,13 @@ class WholeBodyQp:
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
-        # By the number of variables, with one or two soles in contact.
+        # By the number of variables: with one or two soles in contact; relaxed,
+        # with slacks of the torque rate and the distances, or without.
+        soft = self._limits.num_soft
         self._qps = {
-            size: DenseQp(size)
+            hard + slacks: DenseQp(hard + slacks)
             for hard in (nv + 6, nv + 12)
-            for size in (hard, hard + self._limits.num_soft)
+            for slacks in (0, soft, soft + 1, soft + 2)
         }
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
@@ -130,22 +132,19 @@ class WholeBodyQp:
         """
         problem = self.problem(terms, command, last_torques)
         num_variables = problem.g.size
-        qp = self._qps[num_variables].solve(problem)
-        # At the touchdown of a long step, contact, torque and friction limits
-        # may make joint braking and torque rate limits infeasible.  These are
-        # not physical and may be relaxed.
+        qp = self._qps[num_variables].solve(problem, is_tentative=True)
         first = 6 * sum(command.contacts) + 6  # row of the limits
         if not qp.solved:
-            for weaker in self._limits.relaxed(
+            # At the touchdown of a long step, contact, torque and friction
+            # limits may make joint braking and torque rates infeasible.
+            relaxed = self._limits.relaxed(
                 problem, first, terms=terms, last_torques=last_torques
-            ):
-                again = self._qps[weaker.g.size].solve(weaker)
-                qp = again._replace(
-                    solves=qp.solves + again.solves,
-                    fallback=qp.fallback or again.fallback,
-                )
-                if qp.solved:
-                    break
+            )
+            again = self._qps[relaxed.g.size].solve(relaxed)
+            qp = again._replace(
+                solves=qp.solves + again.solves,
+                fallback=qp.fallback or again.fallback,
+            )
         nv, mass = terms.v.size, self._model.mass
         x = qp.x[:num_variables]
         torques = (
