@@ -27,6 +27,7 @@ SOLES = slice(0, 6), slice(6, 12)  # left, right
 BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
+_FORCES = slice(BASE.start, TORSO.start)
 # Distance of the rolling axis from the sole's edge, in sole margins: inside the
 # wrench cone, not on its boundary.
 _ROLLING_MARGINS = 2.0
@@ -117,7 +118,7 @@ class WholeBodyTerms(NamedTuple):
     @property
     def forces(self) -> Array:
         """[M, bias] (nv, nv + 1), per unit of mass."""
-        return self.rows[BASE.start : TORSO.start]
+        return self.rows[_FORCES]
 
     def at_point(self, side: int, arm: Array) -> tuple[Array, Array]:
         """The rows of a sole at another point of the foot.
@@ -131,7 +132,7 @@ class WholeBodyTerms(NamedTuple):
         """
         rows = self.rows[SOLES[side]].copy()
         velocities = self.velocities[SOLES[side]].copy()
-        w = velocities[:3].copy()
+        w = velocities[:3]
         x, y, z = arm.tolist()
         across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
         velocities[3:] += across @ w  # w x arm

@@ -106,7 +106,25 @@ class WholeBodyQp:
             ],
             (3, 2, 1),
         )
-        self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
+        # By the number of soles in contact.
+        self._constants = {
+            1: self._constant_parts(np.concatenate((vdot, wrench))),
+            2: self._constant_parts(np.concatenate((vdot, wrench, wrench))),
+        }
+
+    def _constant_parts(self, costs: Array) -> tuple[Array, Array, Array]:
+        """Returns H, rows and bounds (2, m), 0 where they vary.
+
+        Those of the limits follow those of the soles and of the base.
+        """
+        num_soles = (costs.size - 6 - self._model.num_joints) // 6
+        C, bounds = self._limits.constants(num_soles)
+        first = 6 * num_soles + 6
+        return (
+            np.diag(costs),
+            np.concatenate((np.zeros((first, costs.size)), C)),
+            np.concatenate((np.zeros((2, first)), bounds), axis=1),
+        )
 
     def solve(
         self,
@@ -205,20 +223,23 @@ class WholeBodyQp:
         Returns:
             The problem.
         """
-        nv, n = terms.v.size, sum(command.contacts)
-        soles = _CARRYING[command.contacts]
-        J = terms.rows[soles, :nv]
-        first = 6 * n + 6  # row of the limits
-        rows = np.zeros((first + self._limits.num_rows(n, terms), nv + 6 * n))
-        bounds = np.empty((2, len(rows)))
-        rows[: 6 * n, :nv] = J
+        nv, num_soles = terms.v.size, sum(command.contacts)
+        H, rows, bounds = self._constants[num_soles]
+        if terms.avoidance and len(terms.avoidance.limits):
+            more = len(terms.avoidance.limits)
+            rows = np.concatenate((rows, np.zeros((more, len(H)))))
+            bounds = np.concatenate((bounds, np.zeros((2, more))), axis=1)
+        else:
+            rows, bounds = rows.copy(), bounds.copy()
+        contacts = 6 * num_soles  # number of rows
+        J = terms.rows[_CARRYING[command.contacts], :nv]
+        rows[:contacts, :nv] = J
         # Equations of motion: rows of the base, followed by the torque rows.
-        motion = rows[6 * n : 6 * n + nv]
+        motion = rows[contacts : contacts + nv]
         motion[:, :nv] = terms.forces[:, :nv]
-        motion[:, nv:] = -J.T
-        b = -terms.rows[: BASE.stop, -1]
-        b[:12] += self._rest(terms, command)
-        b = np.concatenate((b[soles], b[BASE]))
+        np.negative(J.T, out=motion[:, nv:])
+        b = self._right_sides(terms, command)
+        first = contacts + 6  # row of the limits
         self._limits.fill(
             C=rows[first:],
             bounds=bounds[:, first:],
@@ -226,8 +247,8 @@ class WholeBodyQp:
             command=command,
             last_torques=last_torques,
         )
-        H, g = self._cost(terms, command)
-        if all(command.contacts):
+        H, g = self._cost(terms, command, H)
+        if num_soles == 2:
             for side, edge in enumerate(command.edges):
                 if edge:
                     sole = SOLES[side]
@@ -268,31 +289,47 @@ class WholeBodyQp:
         wrench[:3], wrench[3:] = y, edge * z
         return rows, values, y @ turn, y @ rest
 
-    def _rest(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
-        """Accelerations (12,) that damp, align and sink the soles."""
-        params = self._params
-        rest = -params.stance_damping * terms.velocities[:12]
-        x, y, z = params.stance_tilt_gain * terms.rotations[:2, :, 2].T
-        nx, ny, nz = command.normals.T
-        for side, speed in enumerate(command.sinking):
-            if speed:
-                rest[SOLES[side]][3:] -= (
-                    params.stance_damping * speed * command.normals[side]
+    def _right_sides(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Array:
+        """Accelerations less biases (6 n + 6,) of soles in contact and base.
+
+        The accelerations damp, align and sink the soles.
+        """
+        damping = self._params.stance_damping
+        gain = self._params.stance_tilt_gain
+        biases = terms.rows[: BASE.stop, -1].tolist()
+        velocities = terms.velocities[: BASE.start].tolist()
+        axes = terms.rotations[:2, :, 2].tolist()
+        normals = command.normals.tolist()
+        b = []
+        for side, carries in enumerate(command.contacts):
+            if carries:
+                wx, wy, wz, vx, vy, vz = velocities[SOLES[side]]
+                x, y, z = axes[side]
+                x, y, z = gain * x, gain * y, gain * z
+                nx, ny, nz = normals[side]
+                down = damping * command.sinking[side]
+                rest = (
+                    y * nz - z * ny - damping * wx,
+                    z * nx - x * nz - damping * wy,
+                    x * ny - y * nx - damping * wz,
+                    -damping * vx - down * nx,
+                    -damping * vy - down * ny,
+                    -damping * vz - down * nz,
                 )
-        rest[0::6] += y * nz - z * ny
-        rest[1::6] -= x * nz - z * nx
-        rest[2::6] += x * ny - y * nx
-        return np.asarray(rest)
+                bias = biases[SOLES[side]]
+                b += [a - c for a, c in zip(rest, bias, strict=True)]
+        return np.array(b + [-bias for bias in biases[BASE]])
 
     def _cost(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
+        self, terms: WholeBodyTerms, command: WholeBodyCommand, H: Array
     ) -> tuple[Array, Array]:
-        """Returns H and g of the cost of all soft tasks."""
+        """Returns H and g of the cost of all soft tasks, `H` the constant."""
         nv = terms.v.size
-        n = nv + 6 * sum(command.contacts)
         tasks = self._tasks.rows(terms, command)
         square = tasks.T @ tasks
-        H, g = self._H[:n, :n].copy(), np.zeros(n)
+        H, g = H.copy(), np.zeros(len(H))
         H[:nv, :nv] += square[:-1, :-1]
         g[:nv] = square[:-1, -1]
         g[6:nv] += (
