@@ -92,7 +92,7 @@ class WholeBodyKinematics:
         poses = (
             body_poses(self.plant, context, self._bodies) @ self._X_BodyFrame
         )
-        velocities = rows[:, :-1] @ v
+        velocities = rows[:, :-1].dot(v)
         if self._lead:
             self._take_back(rows, v, velocities)
         return WholeBodyTerms(
@@ -113,11 +113,14 @@ class WholeBodyKinematics:
         the moment due to the motion of the base's origin.
         """
         turns = rows[: BASE.stop, -1].copy()
-        turns[BASE] += rows[BASE, 3:6] @ self._gravity
-        _, _, _, x, y, z = v[:6].tolist()
-        _, _, _, px, py, pz = velocities[BASE].tolist()
-        moment = (y * pz - z * py, z * px - x * pz, x * py - y * px)
-        turns[BASE.start : BASE.start + 3] -= moment
+        turns[BASE] += rows[BASE, 3:6].dot(self._gravity)
+        x, y, z = v[3:6].tolist()
+        px, py, pz = velocities[BASE][3:].tolist()
+        turns[BASE.start : BASE.start + 3] -= (
+            y * pz - z * py,
+            z * px - x * pz,
+            x * py - y * px,
+        )
         velocities[: BASE.stop] -= self._lead * turns
         velocities[TORSO] -= self._lead * rows[TORSO, -1]
 
@@ -127,7 +130,7 @@ class WholeBodyKinematics:
         bias = self.plant.CalcBiasTerm(context)
         bias += self._damping * v
         # Gravity from M: the base's linear velocity is expressed in W.
-        bias -= M[:, 3:6] @ self._gravity
+        bias -= M[:, 3:6].dot(self._gravity)
         forces = rows[BASE.start : TORSO.start]
         np.divide(M, self._mass, out=forces[:, :-1])
         np.divide(bias, self._mass, out=forces[:, -1])
@@ -161,7 +164,8 @@ def _com_state(p_WB: Array, rows: Array, velocities: Array) -> Array:
     p_BC x v per mass about the base's origin B, from which p_BC follows.
     """
     (_, _, y), (z, _, _), (_, x, _) = rows[BASE][:3, 3:6].tolist()
-    return np.concatenate((p_WB + (x, y, z), velocities[BASE][3:]))
+    px, py, pz = p_WB.tolist()
+    return np.array((px + x, py + y, pz + z, *velocities[BASE][3:].tolist()))
 
 
 def whole_body_model(

@@ -134,10 +134,17 @@ class WholeBodyTerms(NamedTuple):
         velocities = self.velocities[SOLES[side]].copy()
         w = velocities[:3]
         x, y, z = arm.tolist()
-        across = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-        velocities[3:] += across @ w  # w x arm
-        rows[3:] += across @ rows[:3]
-        rows[3:, -1] += w * (w @ arm) - arm * (w @ w)
+        across = np.array((0.0, z, -y, -z, 0.0, x, y, -x, 0.0)).reshape(3, 3)
+        # Of small arrays, dot() takes half of the time of @.
+        velocities[3:] += across.dot(w)  # w x arm
+        rows[3:] += across.dot(rows[:3])
+        wx, wy, wz = w.tolist()
+        along, square = float(w.dot(arm)), float(w.dot(w))
+        rows[3:, -1] += (  # w x (w x arm)
+            wx * along - x * square,
+            wy * along - y * square,
+            wz * along - z * square,
+        )
         return rows, velocities
 
     @property
@@ -206,15 +213,15 @@ def whole_body_command(
     Returns:
         The command.
     """
-    contacts = True, True
-    if state.schedule.phase is Phase.SWING:
-        left_carries = state.schedule.support_side is Side.LEFT
-        contacts = left_carries, not left_carries
+    schedule = state.schedule
     return WholeBodyCommand(
         momentum_rate=momentum_rate,
         heading=heading(state, swing),
         turn=crossing_turn(state, swing, params.crossing_turn),
-        contacts=contacts,
+        contacts=(
+            schedule.in_contact(Side.LEFT),
+            schedule.in_contact(Side.RIGHT),
+        ),
         max_normal_forces=max_normal_forces(state, params, model),
         swing=swing,
         normals=sole_normals(state),
@@ -278,12 +285,12 @@ def sole_normals(state: WalkingState) -> Array:
         i = 0 if step.side is Side.LEFT else 1
         s = state.time_in_phase / schedule.duration
         share = s * s * (3.0 - 2.0 * s)
-        x0, y0, z0 = normals[i]
-        x1, y1, z1 = step.pose.normal.tolist()
-        x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
-        z = z0 + share * (z1 - z0)
-        length = math.hypot(x, y, z)
-        normals[i] = [x / length, y / length, z / length]
+        n = [
+            a + share * (b - a)
+            for a, b in zip(normals[i], step.pose.normal.tolist(), strict=True)
+        ]
+        length = math.hypot(*n)
+        normals[i] = [e / length for e in n]
     return np.array(normals)
 
 

@@ -115,21 +115,22 @@ class WholeBodyLimits:
             self._torque_steps = ticks * self._torques
 
     def constants(self, num_soles: int) -> tuple[Array, Array]:
-        """The rows of a tick without near links, with what is constant.
+        """The rows of a QP without near links, with what is constant.
 
         Args:
             num_soles: number of soles in contact.
 
         Returns:
-            Rows C (m, n) and their bounds (2, m), 0 where they vary.
+            Rows C (m, n) and their bounds (2, m), 0 where they vary; these
+            limits come after 6 rows for each sole and 6 for the base.
         """
-        row, joints = self._trunk_rows.stop, self._joint_rows
-        nv = 6 + self._model.num_joints
-        C = np.zeros((row + num_soles * _FOOT_ROWS, nv + 6 * num_soles))
-        C[joints, 6:nv] = np.eye(self._model.num_joints)
+        nv, first = 6 + self._model.num_joints, 6 * num_soles + 6
+        soles = first + self._trunk_rows.stop
+        C = np.zeros((soles + num_soles * _FOOT_ROWS, nv + 6 * num_soles))
+        C[first:][self._joint_rows, 6:nv] = np.eye(nv - 6)
         bounds = np.zeros((2, len(C)))
-        bounds[1, self._trunk_rows] = np.inf
-        bounds[:, row:] = np.tile(self._wrench, num_soles)
+        bounds[1, first:][self._trunk_rows] = np.inf
+        bounds[:, soles:] = np.tile(self._wrench, num_soles)
         return C, bounds
 
     def fill(
@@ -166,9 +167,10 @@ class WholeBodyLimits:
             if carries:
                 end = row + _FOOT_ROWS
                 R_FW = terms.rotations[side].T
-                C[row:end, column : column + 6] = (cone @ R_FW).reshape(-1, 6)
-                most = command.max_normal_forces[side] / mass
-                bounds[1, end - 1] = max(most, least)
+                C[row:end, column : column + 6] = cone.dot(R_FW).reshape(-1, 6)
+                bounds[1, end - 1] = max(
+                    command.max_normal_forces[side] / mass, least
+                )
                 row, column = end, column + 6
         if terms.avoidance and len(terms.avoidance.limits):
             nv, limits = terms.v.size, terms.avoidance.limits
@@ -269,19 +271,30 @@ class WholeBodyLimits:
         horizon T ahead at the present velocity, stays within the largest tilt:
         -e / |e| . wdot >= 2 / T^2 (|e| - max).  So does that of the pelvis.
         """
-        T, first = self._params.trunk_tilt_horizon, self._trunk_rows.start
+        first, nv = self._trunk_rows.start, terms.v.size
+        x, y, least = self._leaning(terms, 2, TORSO)
+        row = terms.rows[TORSO][:2].T.dot((x, y))
+        C[first, :nv] = row[:-1]
+        lower[first] = least - row[-1]
+        # The pelvis is the base: its angular acceleration is in vdot.
+        C[first + 1, 0], C[first + 1, 1], least = self._leaning(
+            terms, 3, PELVIS
+        )
+        lower[first + 1] = least
+
+    def _leaning(
+        self, terms: WholeBodyTerms, body: int, rows: slice
+    ) -> tuple[float, float, float]:
+        """The direction (x, y) back to upright, and the least acceleration."""
+        T = self._params.trunk_tilt_horizon
         max_tilt = math.radians(self._params.max_trunk_tilt_deg)
-        nv = terms.v.size
-        for i, body in enumerate((TORSO, PELVIS)):
-            x, y, z = terms.rotations[2 + i, :, 2].tolist()
-            wx, wy, _ = terms.velocities[body].tolist()
-            sine = math.hypot(x, y)
-            scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
-            ex, ey = T * wx - scale * y, T * wy + scale * x
-            tilt = max(math.hypot(ex, ey), _TINY)
-            row = terms.rows[body][:2].T @ (-ex / tilt, -ey / tilt)
-            C[first + i, :nv] = row[:-1]
-            lower[first + i] = 2.0 / T**2 * (tilt - max_tilt) - row[-1]
+        x, y, z = terms.rotations[body, :, 2].tolist()
+        wx, wy, _ = terms.velocities[rows].tolist()
+        sine = math.hypot(x, y)
+        scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
+        ex, ey = T * wx - scale * y, T * wy + scale * x
+        tilt = max(math.hypot(ex, ey), _TINY)
+        return -ex / tilt, -ey / tilt, 2.0 / T**2 * (tilt - max_tilt)
 
     def _cone(self, friction: float) -> Array:
         """Returns the rows of the wrench cone and normal force of a sole.
@@ -306,9 +319,9 @@ class WholeBodyLimits:
         bounds *= 2.0 / horizon**2
         room = self._speeds - v
         room /= self._params.speed_limit_horizon
-        most = self._params.max_joint_acceleration
+        clip = self._params.max_joint_acceleration
         # As numpy.clip does, in half of its time.
-        np.minimum(np.maximum(room, -most, out=room), most, out=room)
+        np.minimum(np.maximum(room, -clip, out=room), clip, out=room)
         np.maximum(bounds, room[0], out=bounds)
         np.minimum(bounds, room[1], out=out)
 
@@ -341,14 +354,14 @@ def friction_after(
     friction = min(last[0] + slip.recovery * period, usual)
     loaded = []
     for (x, y, z), velocity, time in zip(
-        forces.tolist(), velocities, last[1:], strict=True
+        forces.tolist(), velocities.tolist(), last[1:], strict=True
     ):
         loaded.append(time + period if z > _LOADED else 0.0)
         used = max(abs(x), abs(y)) / max(z, _LOADED)  # of the pyramid
         if (
             loaded[-1] > slip.settling_time
             and used > least
-            and np.hypot(velocity[0], velocity[1]) > slip.speed
+            and math.hypot(velocity[0], velocity[1]) > slip.speed
         ):
             friction = max(min(friction, _LESS * used), least)
     return [friction, *loaded]

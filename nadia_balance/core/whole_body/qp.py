@@ -106,25 +106,14 @@ class WholeBodyQp:
             ],
             (3, 2, 1),
         )
-        # By the number of soles in contact.
+        # H, rows and bounds by the number of soles in contact.
         self._constants = {
-            1: self._constant_parts(np.concatenate((vdot, wrench))),
-            2: self._constant_parts(np.concatenate((vdot, wrench, wrench))),
+            num_soles: (
+                np.diag(np.concatenate((vdot, np.tile(wrench, num_soles)))),
+                *self._limits.constants(num_soles),
+            )
+            for num_soles in (1, 2)
         }
-
-    def _constant_parts(self, costs: Array) -> tuple[Array, Array, Array]:
-        """Returns H, rows and bounds (2, m), 0 where they vary.
-
-        Those of the limits follow those of the soles and of the base.
-        """
-        num_soles = (costs.size - 6 - self._model.num_joints) // 6
-        C, bounds = self._limits.constants(num_soles)
-        first = 6 * num_soles + 6
-        return (
-            np.diag(costs),
-            np.concatenate((np.zeros((first, costs.size)), C)),
-            np.concatenate((np.zeros((2, first)), bounds), axis=1),
-        )
 
     def solve(
         self,
@@ -225,10 +214,10 @@ class WholeBodyQp:
         """
         nv, num_soles = terms.v.size, sum(command.contacts)
         H, rows, bounds = self._constants[num_soles]
-        if terms.avoidance and len(terms.avoidance.limits):
-            more = len(terms.avoidance.limits)
-            rows = np.concatenate((rows, np.zeros((more, len(H)))))
-            bounds = np.concatenate((bounds, np.zeros((2, more))), axis=1)
+        near = len(terms.avoidance.limits) if terms.avoidance else 0
+        if near:
+            rows = np.concatenate((rows, np.zeros((near, len(H)))))
+            bounds = np.concatenate((bounds, np.zeros((2, near))), axis=1)
         else:
             rows, bounds = rows.copy(), bounds.copy()
         contacts = 6 * num_soles  # number of rows
@@ -297,29 +286,28 @@ class WholeBodyQp:
         The accelerations damp, align and sink the soles.
         """
         damping = self._params.stance_damping
-        gain = self._params.stance_tilt_gain
         biases = terms.rows[: BASE.stop, -1].tolist()
         velocities = terms.velocities[: BASE.start].tolist()
-        axes = terms.rotations[:2, :, 2].tolist()
+        axes = (
+            self._params.stance_tilt_gain * terms.rotations[:2, :, 2]
+        ).tolist()
         normals = command.normals.tolist()
-        b = []
+        b: list[float] = []
         for side, carries in enumerate(command.contacts):
             if carries:
                 wx, wy, wz, vx, vy, vz = velocities[SOLES[side]]
+                bwx, bwy, bwz, bx, by, bz = biases[SOLES[side]]
                 x, y, z = axes[side]
-                x, y, z = gain * x, gain * y, gain * z
                 nx, ny, nz = normals[side]
                 down = damping * command.sinking[side]
-                rest = (
-                    y * nz - z * ny - damping * wx,
-                    z * nx - x * nz - damping * wy,
-                    x * ny - y * nx - damping * wz,
-                    -damping * vx - down * nx,
-                    -damping * vy - down * ny,
-                    -damping * vz - down * nz,
+                b += (
+                    y * nz - z * ny - damping * wx - bwx,
+                    z * nx - x * nz - damping * wy - bwy,
+                    x * ny - y * nx - damping * wz - bwz,
+                    -damping * vx - down * nx - bx,
+                    -damping * vy - down * ny - by,
+                    -damping * vz - down * nz - bz,
                 )
-                bias = biases[SOLES[side]]
-                b += [a - c for a, c in zip(rest, bias, strict=True)]
         return np.array(b + [-bias for bias in biases[BASE]])
 
     def _cost(
@@ -328,7 +316,7 @@ class WholeBodyQp:
         """Returns H and g of the cost of all soft tasks, `H` the constant."""
         nv = terms.v.size
         tasks = self._tasks.rows(terms, command)
-        square = tasks.T @ tasks
+        square = tasks.T.dot(tasks)
         H, g = H.copy(), np.zeros(len(H))
         H[:nv, :nv] += square[:-1, :-1]
         g[:nv] = square[:-1, -1]

@@ -110,13 +110,12 @@ class MomentumTask:
         fx, fy, fz = command.momentum_rate.tolist()
         selection[0, 5] = -fx / self._weight
         selection[1, 5] = -fy / self._weight
-        lx, ly, lz = (selection[3:] @ terms.velocities[BASE]).tolist()
-        damping = -self._damping
+        lx, ly, lz = selection[3:].dot(terms.velocities[BASE]).tolist()
+        d = -self._damping
         # The force also carries the weight, which is no rate of momentum.
         vertical = fz / self._mass + GRAVITY
-        acceleration = (0.0, 0.0, vertical)
-        acceleration += (damping * lx, damping * ly, damping * lz)
-        return Motion(selection @ base, np.array(acceleration))
+        acceleration = 0.0, 0.0, vertical, d * lx, d * ly, d * lz
+        return Motion(selection.dot(base), np.array(acceleration))
 
 
 class TrunkTask:
@@ -225,13 +224,14 @@ class SwingFootTask:
         side = command.contacts.index(False)
         yaw, yawdot, yawddot = command.swing[9:].tolist()
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
-        turn = R_WT @ rotation_error(yaw, R_WT.T @ R_WF)
+        turn = R_WT.dot(rotation_error(yaw, R_WT.T.dot(R_WF)))
         # The reference of the ankle, and the arm to it from the sole's centre.
         ankle = command.swing[:9].reshape(3, 3) + (
-            self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot)
-            @ R_WT.T
+            self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot).dot(
+                R_WT.T
+            )
         )
-        arm = R_WF @ self._ankles[side]
+        arm = R_WF.dot(self._ankles[side])
         ankle[0] -= terms.sole_positions[side]
         ankle[0] -= arm
         (x, y, z), (vx, vy, vz), (ax, ay, az) = ankle.tolist()
@@ -240,8 +240,7 @@ class SwingFootTask:
         wx, wy, wz, ux, uy, uz = velocity.tolist()
         root = math.sqrt(command.flatness)
         rows[:3] *= root
-        kp, kd = self._kp[0], self._kd[0]
-        kp_position, kd_position = self._kp[1], self._kd[1]
+        (kp, kp_position), (kd, kd_position) = self._kp, self._kd
         acceleration = (
             root * (kp * tx - kd * wx),
             root * (kp * ty - kd * wy),
@@ -260,17 +259,17 @@ class SwingFootTask:
         c, s = math.cos(yaw), math.sin(yaw)
         x, y = c * x - s * y, s * x + c * y
         square = rate * rate
+        position = x, y, z
+        velocity = -rate * y, rate * x, 0.0
         return np.array(
-            (
-                (x, y, z),
-                (-rate * y, rate * x, 0.0),
-                (
-                    -acceleration * y - square * x,
-                    acceleration * x - square * y,
-                    0.0,
-                ),
+            position
+            + velocity
+            + (
+                -acceleration * y - square * x,
+                acceleration * x - square * y,
+                0.0,
             )
-        )
+        ).reshape(3, 3)
 
 
 def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
