@@ -372,13 +372,12 @@ def crossing_turn(
     schedule = state.schedule
     side = schedule.support_side
     stance = schedule.feet[side]
-    vx = vy = ax = ay = 0.0
     if schedule.phase is Phase.SWING:
-        x, y, _, vx, vy, _, ax, ay, _ = swing[:9].tolist()
+        p_WF, (vx, vy, _, ax, ay, _) = swing[:3], swing[3:9].tolist()
     else:
-        x, y, _ = schedule.feet[side.other].p_WF.tolist()
-    stance_x, stance_y, _ = stance.p_WF.tolist()
-    x, y = x - stance_x, y - stance_y
+        p_WF = schedule.feet[side.other].p_WF
+        vx = vy = ax = ay = 0.0
+    x, y, _ = (p_WF - stance.p_WF).tolist()
     cos, sin = math.cos(stance.yaw), math.sin(stance.yaw)
     c = side.sign * (cos * y - sin * x) + params.width
     if c <= 0.0:

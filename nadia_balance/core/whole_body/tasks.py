@@ -110,12 +110,12 @@ class MomentumTask:
         fx, fy, fz = command.momentum_rate.tolist()
         selection[0, 5] = -fx / self._weight
         selection[1, 5] = -fy / self._weight
-        lx, ly, lz = selection[3:].dot(terms.velocities[BASE]).tolist()
-        d = -self._damping
+        momentum = selection[3:].dot(terms.velocities[BASE])
+        mx, my, mz = (-self._damping * momentum).tolist()
         # The force also carries the weight, which is no rate of momentum.
         vertical = fz / self._mass + GRAVITY
-        acceleration = 0.0, 0.0, vertical, d * lx, d * ly, d * lz
-        return Motion(selection.dot(base), np.array(acceleration))
+        acceleration = np.array((0.0, 0.0, vertical, mx, my, mz))
+        return Motion(selection.dot(base), acceleration)
 
 
 class TrunkTask:
@@ -259,17 +259,15 @@ class SwingFootTask:
         c, s = math.cos(yaw), math.sin(yaw)
         x, y = c * x - s * y, s * x + c * y
         square = rate * rate
-        position = x, y, z
-        velocity = -rate * y, rate * x, 0.0
         return np.array(
-            position
-            + velocity
-            + (
+            (
+                x, y, z,
+                -rate * y, rate * x, 0.0,
                 -acceleration * y - square * x,
                 acceleration * x - square * y,
                 0.0,
             )
-        ).reshape(3, 3)
+        ).reshape(3, 3)  # fmt: skip
 
 
 def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
