@@ -55,8 +55,8 @@ from nadia_balance.systems.ports import (
     TICK_TOLERANCE,
     Input,
     declare_output,
-    declare_plan,
     input_port,
+    once_per_schedule,
     optional_input,
 )
 from nadia_balance.systems.signals import MODES, PHASES
@@ -271,7 +271,7 @@ class FootstepPlanner(LeafSystem):
     def _limited(self, context: Context) -> Array:
         """The velocity commanded (3,), within the limits."""
         command: Array = self._command(context)
-        if not command.any():
+        if not any(command.tolist()):
             return command
         return np.clip(command, self.limits[0], self.limits[1])
 
@@ -435,21 +435,16 @@ class IcpPlanner(LeafSystem):
         super().__init__()
         check(params)
         self._walking = input_port(self, "walking_state")
-        self._planned: Any = declare_plan(
-            self, self._walking, _planning(params, model)
+        self._plan = once_per_schedule(_planning(params, model))
+        declare_output(
+            self, "icp_plan", lambda context: self._plan(self._walking(context))
         )
-        needs = [self._planned]
-        declare_output(self, "icp_plan", self._plan, needs=needs)
         if has_reference:
-            declare_output(
-                self, "icp_reference", self._calc_reference, needs=needs
-            )
-
-    def _plan(self, context: Context) -> Any:
-        return self._planned.Eval(context)[1]
+            declare_output(self, "icp_reference", self._calc_reference)
 
     def _calc_reference(self, context: Context) -> Array:
-        now = reference_of(self._plan(context), self._walking(context))
+        state = self._walking(context)
+        now = reference_of(self._plan(state), state)
         return np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
 
 

@@ -9,10 +9,11 @@ computes all events that are due from the state and the inputs before any of
 them, so that all blocks see the same state in a tick: x+ = f(x-, u).
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from pydrake.common.value import Value
@@ -27,13 +28,21 @@ from pydrake.systems.framework import (
 )
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import Mechanisms
-from nadia_balance.core.walking.state import WalkingState
+from nadia_balance.core.walking.mechanisms import NUM_SWITCHES, Mechanisms
+from nadia_balance.core.walking.state import ContactSchedule, WalkingState
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 TICK_TOLERANCE = 1e-6  # times of ticks differ by rounding [s]
 _REQUIRED = object()
-_VIEWS = {"mechanisms": Mechanisms.from_vector}
+Plan = TypeVar("Plan")
+
+
+@functools.lru_cache(maxsize=2**NUM_SWITCHES)
+def _switches(values: bytes) -> Mechanisms:
+    return Mechanisms.from_vector(np.frombuffer(values))
+
+
+_VIEWS = {"mechanisms": lambda vector: _switches(vector.tobytes())}
 
 
 class _Nothing:
@@ -75,8 +84,8 @@ class Input:
         self._default = default
         self._kind: Any = kind
         self._view = view if isinstance(kind, int) else kind
-        self._checked = self._vector if is_vector(kind) else self._value
-        if is_vector(kind):
+        self._is_vector = is_vector(kind)
+        if self._is_vector:
             self._port = system.DeclareVectorInputPort(name, size(kind))
         else:
             self._port = system.DeclareAbstractInputPort(name, Value(NOTHING))
@@ -110,11 +119,18 @@ class Input:
             if self._default is _REQUIRED or self._port.HasValue(context):
                 raise
             return self._default
-        return self._checked(value, context)
+        if not self._is_vector:
+            return value if isinstance(value, self._kind) else self._none(value)
+        # The sum of squares is finite only if all entries are; `dot` is the
+        # fastest way to compute it.
+        if not math.isfinite(value.dot(value)):
+            raise self.error(context, "is not finite")
+        return value if self._view is None else self._view(value)
 
-    def _value(self, value: Any, _: Context) -> Any:
+    def _none(self, value: Any) -> Any:
+        """None or the default, if a value that is not of the kind means it."""
         value = None if value is NOTHING else value
-        if not isinstance(value, self._kind) and value is not self._default:
+        if value is not self._default:
             raise TypeError(
                 self._message(
                     f"got a {type(value).__name__}, "
@@ -122,13 +138,6 @@ class Input:
                 )
             )
         return value
-
-    def _vector(self, value: Any, context: Context) -> Any:
-        # The sum of squares is finite only if all entries are; `dot` is the
-        # fastest way to compute it.
-        if not math.isfinite(value.dot(value)):
-            raise self.error(context, "is not finite")
-        return value if self._view is None else self._view(value)
 
     def error(self, context: Context, fault: str) -> RuntimeError:
         """The error that something is wrong with the port, and since when.
@@ -292,33 +301,32 @@ def declare_scratch(system: LeafSystem, other: System) -> CacheEntry:
     )
 
 
-def declare_plan(
-    system: LeafSystem,
-    walking_state: Input,
-    calc: Callable[[WalkingState], object],
-) -> CacheEntry:
-    """Declares a cache entry (schedule, plan), with plan = calc(state).
+def once_per_schedule(
+    calc: Callable[[WalkingState], Plan],
+) -> Callable[[WalkingState], Plan]:
+    """A plan that is computed once for each ContactSchedule.
 
-    The plan is computed once for each ContactSchedule.
+    The plan is constant while the schedule lasts, which is many ticks: the
+    function keeps the last one, with the schedule as its key.
 
     Args:
-        system: block that gets the entry.
-        walking_state: input port of the walking state.
         calc: returns the plan, which depends on the state's schedule alone.
 
     Returns:
-        The cache entry.
+        The function that returns the plan of a walking state.
     """
+    last: tuple[ContactSchedule | None, Any] = (None, None)
 
-    def planned(context: Context, last: Any) -> Any:
-        state = walking_state(context)
-        if state.schedule is last[0]:
-            return last
-        return state.schedule, calc(state)
+    def plan(state: WalkingState) -> Plan:
+        nonlocal last
+        # A schedule is never changed, and comparing its values would be slow.
+        schedule, planned = last
+        if state.schedule is not schedule:
+            planned = calc(state)
+            last = (state.schedule, planned)
+        return cast(Plan, planned)
 
-    return declare_cache(
-        system, "plan", planned, needs=[walking_state], first=(None, None)
-    )
+    return plan
 
 
 def declare_outcome(

@@ -107,7 +107,8 @@ class StatePredictor(LeafSystem):
         )
 
     def _calc_state(self, context: Context, output: Any) -> None:
-        q, v = np.split(self._state(context), [self._nq])
+        state = self._state(context)
+        q, v = state[: self._nq], state[self._nq :]
         if not q[0] and not q[:4].any():
             raise self._state.error(context, "has the quaternion 0")
         if self._periods:

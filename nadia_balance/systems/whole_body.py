@@ -24,7 +24,7 @@ from nadia_balance.systems.ports import (
     input_port,
     optional_input,
 )
-from nadia_balance.systems.signals import QpStatus, size
+from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
 
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 
@@ -78,7 +78,9 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._joint_of_actuator = actuated_velocities(plant) - 6
         self._terms = input_port(self, "whole_body_terms")
         self._momentum_rate = input_port(self, "momentum_rate")
-        self._swing = input_port(self, "swing_foot_reference")
+        self._swing = input_port(
+            self, "swing_foot_reference", size(SwingFootReference)
+        )
         self._walking = input_port(self, "walking_state")
         self._friction = optional_input(
             self, "friction", default=[params.friction]
@@ -107,7 +109,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         command = whole_body_command(
             self._walking(context),
             momentum_rate=self._momentum_rate(context),
-            swing=self._swing(context)[:],
+            swing=self._swing(context),
             friction=float(self._friction(context)[0]),
             params=self._params,
             model=self._model,
