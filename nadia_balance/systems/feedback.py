@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
@@ -27,6 +27,7 @@ from nadia_balance.core.walking.mechanisms import USUAL
 from nadia_balance.core.walking.state import Phase, support_polygon
 from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import (
+    Block,
     declare_cache,
     declare_outcome,
     declare_output,
@@ -43,7 +44,7 @@ from nadia_balance.systems.signals import (
 )
 
 
-class MomentumQp(LeafSystem):
+class MomentumQp(Block):
     """Computes eCMP = CoP_r + kappa_r + delta + kappa from the ICP error.
 
     delta, of the CoP, and kappa, of the angular momentum, minimise the error of
@@ -111,7 +112,7 @@ class MomentumQp(LeafSystem):
         )
 
 
-class IcpStepController(LeafSystem):
+class IcpStepController(Block):
     """Computes CMP and footholds by one QP (Atlas paper, Sec. IV).
 
     It replaces a step adjuster and a MomentumQp.  The ICP reference follows
@@ -219,7 +220,7 @@ class IcpStepController(LeafSystem):
         )
 
 
-class ComHeightController(LeafSystem):
+class ComHeightController(Block):
     """Computes the momentum rate l_dot = m (omega^2 (c - eCMP), z_ddot).
 
     z_ddot = k_d clip(z_dot_d + k_p / k_d (z_d - z)) - k_d z_dot is a PD law on

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, State
+from pydrake.systems.framework import Context, State
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
@@ -53,6 +53,7 @@ from nadia_balance.core.walking.state import (
 from nadia_balance.parameters.bounds import check, require
 from nadia_balance.systems.ports import (
     TICK_TOLERANCE,
+    Block,
     Input,
     declare_output,
     input_port,
@@ -62,7 +63,7 @@ from nadia_balance.systems.ports import (
 from nadia_balance.systems.signals import MODES, PHASES
 
 
-class WalkingStateMachine(LeafSystem):
+class WalkingStateMachine(Block):
     """Advances the walking state once per control period.
 
     `footsteps` are those after the present phase.  They are read standing, on
@@ -196,7 +197,7 @@ def _planar(pose: FootPose) -> tuple[float, float, float]:
     return x, y, pose.yaw
 
 
-class FootstepPlanner(LeafSystem):
+class FootstepPlanner(Block):
     """Plans footsteps: to catch the robot, to walk as commanded, to stand.
 
     `footsteps` are those after the present phase, () to stand; of the foot in
@@ -363,7 +364,7 @@ class FixedFootsteps(FootstepPlanner):
         return super()._calc_revised(context)
 
 
-class VelocityCommands(LeafSystem):
+class VelocityCommands(Block):
     """Tells the velocity command of a list of rows, each from its time on.
 
     Before the time of the first row the command is to stand.
@@ -404,7 +405,7 @@ class VelocityCommands(LeafSystem):
         return self._values[bisect_right(self._times, context.get_time())]
 
 
-class IcpPlanner(LeafSystem):
+class IcpPlanner(Block):
     """Plans the ICP for each new contact schedule.
 
     The plan is that of the Nadia paper (Eq. 4) or, with AtlasIcpPlanParams, of
@@ -458,7 +459,7 @@ def _planning(
     return lambda state: plan_icp(state.schedule, params, model, stance)
 
 
-class TimingAdapter(LeafSystem):
+class TimingAdapter(Block):
     """Computes the time by which to advance the walking clock (Nadia, Sec. VI).
 
     `time_adjustment` is the time to add to the clock in this tick, besides the

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import lag_share
 from nadia_balance.core.math.arrays import Array
@@ -16,6 +16,7 @@ from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.kinematics import WholeBodyKinematics
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import (
+    Block,
     declare_output,
     declare_scratch,
     input_port,
@@ -23,7 +24,7 @@ from nadia_balance.systems.ports import (
 from nadia_balance.systems.signals import ComState
 
 
-class StatePredictor(LeafSystem):
+class StatePredictor(Block):
     """Predicts the state over the delay behind it and the lag ahead of it.
 
     Over the `delay` of the measurement (a Smith predictor), in steps of the
@@ -132,7 +133,7 @@ class StatePredictor(LeafSystem):
         return q
 
 
-class CentroidalEstimator(LeafSystem):
+class CentroidalEstimator(Block):
     """Computes dynamics terms; from them CoM, ICP and foot poses.
 
     Three ideas in one block, as all follow from one pass over the links:

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import edges_on_way
@@ -29,6 +29,7 @@ from nadia_balance.core.walking.mechanisms import USUAL, Mechanisms
 from nadia_balance.core.walking.state import Adjustment, Phase, WalkingState
 from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import (
+    Block,
     declare_cache,
     declare_outcome,
     declare_output,
@@ -47,7 +48,7 @@ class _Tick(NamedTuple):
     landing: Landing | None  # None outside of a swing
 
 
-class CaptureRegionStepAdjuster(LeafSystem):
+class CaptureRegionStepAdjuster(Block):
     """Computes the swing foot's foothold from capture regions.
 
     Nadia paper, Sec. IV and V.  Without `foot_poses` the time that the foot
@@ -136,7 +137,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
         )
 
 
-class SwingFootPlanner(LeafSystem):
+class SwingFootPlanner(Block):
     """Computes the swing foot's reference, continued from its last value.
 
     The reference clears the edges of uneven ground that the model contains.

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any, cast
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
@@ -19,6 +19,7 @@ from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import (
+    Block,
     declare_outcome,
     declare_output,
     input_port,
@@ -29,7 +30,7 @@ from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 
 
-class WholeBodyInverseDynamics(LeafSystem):
+class WholeBodyInverseDynamics(Block):
     """Computes joint torques by the whole-body QP once a tick and holds them.
 
     `friction` is by default that of the parameters; `actuation` [N m] is in the
@@ -159,7 +160,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         return np.asarray(icp - reference.icp)
 
 
-class FrictionEstimator(LeafSystem):
+class FrictionEstimator(Block):
     """Lowers the friction coefficient when a loaded sole slips.
 
     `foot_wrenches` are the commanded ones of this tick; `friction` is one tick
