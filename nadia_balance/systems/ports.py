@@ -28,7 +28,7 @@ from pydrake.systems.framework import (
 )
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import NUM_SWITCHES, Mechanisms
+from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import ContactSchedule, WalkingState
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
@@ -37,7 +37,7 @@ _REQUIRED = object()
 Plan = TypeVar("Plan")
 
 
-@functools.lru_cache(maxsize=2**NUM_SWITCHES)
+@functools.lru_cache(maxsize=64)
 def _switches(values: bytes) -> Mechanisms:
     return Mechanisms.from_vector(np.frombuffer(values))
 
@@ -124,7 +124,7 @@ class Input:
         """
         # Calling HasValue first would evaluate the port twice.
         try:
-            value = self._port.Eval(context)
+            value: Any = self._port.Eval(context)
         except (RuntimeError, ValueError):
             if self._default is _REQUIRED or self._port.HasValue(context):
                 raise
