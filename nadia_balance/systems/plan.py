@@ -279,7 +279,7 @@ class FootstepPlanner(Block):
     def _update(self, context: Context, state: State) -> None:
         velocity = self._velocity(context)
         command = self._limited(context)
-        if not (command.any() or velocity.any()):
+        if not any(command.tolist() + velocity.tolist()):
             return
         if self._walking(context).mode is Mode.RECOVERING:
             command = np.zeros(3)  # the walk begins anew when it is calm

@@ -6,7 +6,10 @@ parameters are out of range is not made (ValueError).  A `period` is in [s].
 
 Controller blocks update their state in periodic unrestricted events.  Drake
 computes all events that are due from the state and the inputs before any of
-them, so that all blocks see the same state in a tick: x+ = f(x-, u).
+them, so that all blocks see the same state in a tick: x+ = f(x-, u).  The
+walking state is a Python value, which only an unrestricted event can change.
+Drake makes discrete updates after all unrestricted ones: they would see the new
+walking state.  They would not be faster, either.
 """
 
 import functools
