@@ -141,7 +141,7 @@ class Input:
         return value if self._view is None else self._view(value)
 
     def _none(self, value: Any) -> Any:
-        """None or the default, if a value that is not of the kind means it."""
+        """The default, if a value that is not of the kind means it."""
         value = None if value is NOTHING else value
         if value is not self._default:
             raise TypeError(
@@ -266,18 +266,17 @@ def declare_cache(
     name: str,
     calc: Callable[[Context, Any], object],
     needs: Needs | None = None,
-    first: object = NOTHING,
 ) -> CacheEntry:
     """Declares a cache entry z = calc(context, last z).
 
-    Reuse of the last value may save work, but must not change the result.
+    Reuse of the last value may save work, but must not change the result; the
+    first calculation has NOTHING as last value.
 
     Args:
         system: block that gets the entry.
         name: name of the entry.
         calc: returns the value; None is kept as NOTHING, which is false, too.
         needs: what the value depends on, by default all inputs.
-        first: last value of the first calculation.
 
     Returns:
         The cache entry.
@@ -289,7 +288,7 @@ def declare_cache(
 
     return system.DeclareCacheEntry(
         name,
-        ValueProducer(lambda: Value(first), update),
+        ValueProducer(lambda: Value(NOTHING), update),
         _tickets(system, needs),
     )
 
