@@ -249,11 +249,11 @@ class IcpPlan(Immutable):
         Returns:
             The time dt until the plan is closest to `icp` [s].
         """
-        times, path = self.path
-        after = int(np.searchsorted(times, t, side="right"))
-        times = np.append(t, times[after:])
-        path = np.vstack([self.at(t).icp, path[after:]])
-        chords, offsets = np.diff(path, axis=0), icp - path[:-1]
+        # From the chord of now on, which begins with the ICP of now.
+        passed = int(np.searchsorted(self.path[0], t, side="right")) - 1
+        times, path = (samples[passed:].copy() for samples in self.path)
+        times[0], path[0] = t, self.at(t).icp
+        chords, offsets = path[1:] - path[:-1], icp - path[:-1]
         lengths2 = np.einsum("ij,ij->i", chords, chords)
         along = np.einsum("ij,ij->i", offsets, chords)
         shares = np.clip(along / np.maximum(lengths2, _TINY), 0.0, 1.0)

@@ -8,6 +8,7 @@ Types that hold arrays compare by identity, except FootPose.
 from __future__ import annotations
 
 import enum
+import functools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,6 +18,8 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array, read_only
 from nadia_balance.core.math.polygon import convex_hull
+
+_KEPT = 8  # support polygons: a foothold that moves changes none
 
 
 class Side(enum.Enum):
@@ -381,12 +384,18 @@ def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
     Returns:
         Vertices (n, 2) in W [m], counter-clockwise.
     """
-    return convex_hull(
-        np.concatenate(
-            [
-                schedule.feet[side].to_world(sole)
-                for side in Side
-                if schedule.in_contact(side)
-            ]
-        )
+    sides = tuple(side for side in Side if schedule.in_contact(side))
+    return _hull_of_soles(schedule.feet, sides, sole.tobytes())
+
+
+@functools.lru_cache(_KEPT)
+def _hull_of_soles(
+    feet: FootPoses, sides: tuple[Side, ...], sole: bytes
+) -> Array:
+    """Returns the read-only `support_polygon`, of the bytes of the corners."""
+    corners = np.frombuffer(sole).reshape(-1, 2)
+    hull = convex_hull(
+        np.concatenate([feet[side].to_world(corners) for side in sides])
     )
+    hull.flags.writeable = False
+    return hull
