@@ -255,4 +255,5 @@ def momentum_rate(
         The linear momentum rate (3,) in W [N].
     """
     k = model.mass * model.omega**2
-    return np.append(k * (com - ecmp), model.mass * vertical_acceleration)
+    x, y = (k * (com - ecmp)).tolist()
+    return np.array((x, y, model.mass * vertical_acceleration))

@@ -342,12 +342,16 @@ def _solution(plan: IcpPlan, t: float) -> IcpReference:
     """
     i, rows = plan.rows(t)
     com, icp, ecmp = rows @ plan.coefficients[i]
-    w, wt = plan.omega, plan.omega * (t - float(plan.knots[0]))
-    velocity, fading = w * (icp - ecmp), math.exp(-wt) * plan.offset
-    icp, com = icp + fading, com + wt * fading
+    w = plan.omega
+    velocity = w * (icp - ecmp)
+    if plan.offset.any():
+        wt = w * (t - float(plan.knots[0]))
+        fading = math.exp(-wt) * plan.offset
+        icp, com = icp + fading, com + wt * fading
+        velocity -= w * fading
     return IcpReference(
         icp,
-        icp_velocity=velocity - w * fading,
+        icp_velocity=velocity,
         com=com,
         com_velocity=w * (icp - com),
         cop=ecmp,

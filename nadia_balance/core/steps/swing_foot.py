@@ -92,7 +92,9 @@ def at_rest(pose: FootPose) -> Array:
     Returns:
         Rows p, v, a of [x, y, z, yaw] in W (3, 4) [m, rad, s].
     """
-    return np.vstack(([*pose.p_WF, pose.yaw], np.zeros((2, 4))))
+    motion = np.zeros((3, 4))
+    motion[0, :YAW], motion[0, YAW] = pose.p_WF, pose.yaw
+    return motion
 
 
 def as_reference(motion: Array, lead: float) -> Array:
@@ -110,7 +112,9 @@ def as_reference(motion: Array, lead: float) -> Array:
     """
     now = motion.copy()
     now[1] -= lead * motion[2]
-    return np.append(now[:, :3], now[:, 3])
+    reference = np.empty(12)
+    reference[:9], reference[9:] = now[:, :YAW].ravel(), now[:, YAW]
+    return reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +272,8 @@ class SwingFoot:
         The quintic follows `path` (n, 2) past its first corner, if possible
         with at most PEAK times `max_acceleration` on the whole path.
         """
-        end = np.vstack((path[-1], np.zeros((2, 2))))
+        end = np.zeros((3, 2))
+        end[0] = path[-1]
         needed = self.model.detour.shortest_time(path, start[1])
         left = max(left, needed)
         for _ in range(_STRETCHES):
