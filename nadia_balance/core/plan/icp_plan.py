@@ -5,6 +5,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate
 from typing import ClassVar
 
 import numpy as np
@@ -29,7 +30,8 @@ from nadia_balance.core.walking.state import (
 )
 
 _SWEEPS = 10  # projection sweeps over the shifted waypoints
-_LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]
+# Weights of the waypoints' shifts, each relative to the one before it [-].
+_WEIGHTS = (0.1 ** np.arange(5)).tolist()
 _LITTLE = 1e-4  # ICP residual that is applied without projection [m]
 _TINY = 1e-12  # least squared length of a divisor [m^2]
 _SAMPLES = 65  # samples of the ICP in a phase
@@ -415,26 +417,32 @@ def _bent(
     sum of squares, later ones less, and projected onto their supports.  The
     second result is the remaining ICP offset (2,) [m].
     """
+    multipliers = recursive_multipliers(path.knots, path.start_time, omega)
+    left_x, left_y = (icp_start - multipliers @ path.points).tolist()
     supports = path.supports
-    shares = recursive_multipliers(path.knots, path.start_time, omega)
-    left_x, left_y = (icp_start - shares @ path.points).tolist()
     bent = slice(1, len(supports) + 1)
-    pulls = _LATER ** np.arange(len(supports)) * shares[bent]
+    shares = multipliers[bent].tolist()
+    pulls = [
+        weight * share for weight, share in zip(_WEIGHTS, shares, strict=False)
+    ]
+    products = [pull * share for pull, share in zip(pulls, shares, strict=True)]
     # Sums over each waypoint and all later ones.
-    squares = np.cumsum((pulls * shares[bent])[::-1])[::-1]
-    ratios, weights = (pulls / squares).tolist(), shares.tolist()
+    squares = list(accumulate(reversed(products)))[::-1]
     ecmp = path.points.copy()
     points = ecmp[bent].tolist()
     for _ in range(_SWEEPS):
         for i, support in enumerate(supports):
-            x, y = points[i]
-            bend = np.array((x + ratios[i] * left_x, y + ratios[i] * left_y))
+            (x, y), ratio = points[i], pulls[i] / squares[i]
+            bend = np.array((x + ratio * left_x, y + ratio * left_y))
             points[i] = project(bend, support).tolist()
-            left_x -= weights[i + 1] * (points[i][0] - x)
-            left_y -= weights[i + 1] * (points[i][1] - y)
+            left_x -= shares[i] * (points[i][0] - x)
+            left_y -= shares[i] * (points[i][1] - y)
         if math.hypot(left_x, left_y) < _LITTLE:
-            rest = np.outer(pulls / squares[0], (left_x, left_y))
-            ecmp[bent] = points + rest
+            ratios = [pull / squares[0] for pull in pulls]
+            ecmp[bent] = [
+                (x + ratio * left_x, y + ratio * left_y)
+                for (x, y), ratio in zip(points, ratios, strict=True)
+            ]
             return ecmp, np.zeros(2)
     ecmp[bent] = points
     return ecmp, np.array((left_x, left_y))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import functools
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
 
@@ -200,7 +200,9 @@ class FootPoses(Immutable):
         Returns:
             New poses.
         """
-        return replace(self, **{side.value: pose})
+        if side is Side.LEFT:
+            return FootPoses(pose, self.right)
+        return FootPoses(self.left, pose)
 
 
 @dataclass(frozen=True)
