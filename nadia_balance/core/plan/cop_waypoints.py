@@ -173,7 +173,6 @@ class CopWaypoints:
     points: Array  # (N + 1, 2), at which they meet
     knots: Array  # (N + 1,), times of the points since the phase began [s]
     durations: Array  # (N,) [s]
-    start_time: float  # of the schedule [s]
     route: CopRoute
     passed: int  # number of its segments before the start
 
@@ -216,7 +215,6 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
         points=as_array([(x, y), *route.points[passed:]]),
         knots=np.array(knots),
         durations=np.array(durations),
-        start_time=start_time,
         route=route,
         passed=passed,
     )
@@ -240,13 +238,17 @@ class Stance:
             ValueError: the margin leaves no area of the sole.
         """
         self.params, self.corners = params, sole
+        self._points = {
+            "entry": params.entry,
+            "ball": params.ball,
+            "exit": params.exit,
+        }
         self.centroid = centroid(sole)
         self.inner = shrink(sole, params.margin, "margin")
         self._toe = float(sole[:, 0].max())
         self.route = functools.lru_cache(_KEPT)(self._route)
         self.support = functools.lru_cache(_KEPT)(self._support)
-        self._entry = functools.lru_cache(_KEPT)(self._entry_of)
-        self._ball_and_exit = functools.lru_cache(_KEPT)(self._ball_and_exit_of)
+        self._cop = functools.lru_cache(_KEPT)(self._cop_of)
 
     def _route(
         self,
@@ -302,8 +304,8 @@ class Stance:
         """
         trailing, leading = step.side, step.side.other
         weight, split = self.params.mid_weight, self.params.transfer_split
-        _, (x, y) = self._ball_and_exit(trailing, feet[trailing], feet[leading])
-        entry = self._entry(leading, feet[leading], feet[trailing])
+        x, y = self._cop("exit", trailing, feet[trailing], feet[leading])
+        entry = self._cop("entry", leading, feet[leading], feet[trailing])
         mid = x + weight * (entry[0] - x), y + weight * (entry[1] - y)
         return _Phase(
             points=[mid, entry],
@@ -324,7 +326,8 @@ class Stance:
             Three segments.
         """
         side = step.side.other
-        ball, exit_ = self._ball_and_exit(side, feet[side], step.pose)
+        ball = self._cop("ball", side, feet[side], step.pose)
+        exit_ = self._cop("exit", side, feet[side], step.pose)
         shift = self.params.swing_shift_fraction
         split = self.params.swing_split
         return _Phase(
@@ -362,29 +365,12 @@ class Stance:
             np.concatenate([feet[side].to_world(self.inner) for side in sides])
         )
 
-    def _entry_of(self, side: Side, foot: FootPose, other: FootPose) -> Point:
-        """Returns the entry [m] in W of a `foot`, which the `other` follows."""
-        length = self.step_length(foot, other)
-        return self._cop(self.params.entry, side, foot, length)
-
-    def _ball_and_exit_of(
-        self, side: Side, foot: FootPose, other: FootPose
-    ) -> tuple[Point, Point]:
-        """Returns ball and exit [m] in W of a `foot`, which `other` leads."""
-        length = self.step_length(foot, other)
-        return (
-            self._cop(self.params.ball, side, foot, length),
-            self._cop(self.params.exit, side, foot, length),
-        )
-
-    def _cop(
-        self,
-        point: CopPointParams,
-        side: Side,
-        foot: FootPose,
-        step_length: float,
+    def _cop_of(
+        self, name: str, side: Side, foot: FootPose, other: FootPose
     ) -> Point:
-        x, y = foot.to_world(self.cop_point(point, side, step_length)).tolist()
+        """Returns the CoP point [m] in W of a `foot` that `other` leads."""
+        point, length = self._points[name], self.step_length(foot, other)
+        x, y = foot.to_world(self.cop_point(point, side, length)).tolist()
         return x, y
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:

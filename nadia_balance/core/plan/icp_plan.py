@@ -176,9 +176,7 @@ class IcpReference:
     ecmp: Array
 
     def __post_init__(self) -> None:
-        for array in (self.icp, self.icp_velocity, self.com):
-            array.flags.writeable = False
-        for array in (self.com_velocity, self.cop, self.ecmp):
+        for array in vars(self).values():
             array.flags.writeable = False
 
     def point(self) -> ReferencePoint:
@@ -417,7 +415,7 @@ def _bent(
     sum of squares, later ones less, and projected onto their supports.  The
     second result is the remaining ICP offset (2,) [m].
     """
-    multipliers = recursive_multipliers(path.knots, path.start_time, omega)
+    multipliers = recursive_multipliers(path.knots, float(path.knots[0]), omega)
     left_x, left_y = (icp_start - multipliers @ path.points).tolist()
     supports = path.supports
     bent = slice(1, len(supports) + 1)

@@ -9,7 +9,7 @@ the stance foot, are dropped shortly before they are passed.
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -335,16 +335,14 @@ def _largest_acceleration(
     """
     x, y = _quintics(start, aim, np.full(2, left))
     jump_x, jump_y = (20.0 * (aim[0] - end[0]) / (left - t) ** 5).tolist()
-    largest = 0.0
-    for share in _SHARES:
-        time = share * left
-        late = max(time - t, 0.0) ** 3
-        _, _, ax = _follow(x, time)
-        _, _, ay = _follow(y, time)
-        largest = max(
-            largest, math.hypot(ax - jump_x * late, ay - jump_y * late)
+    times = [share * left for share in _SHARES]
+    return max(
+        math.hypot(
+            _follow(x, time)[2] - jump_x * max(time - t, 0.0) ** 3,
+            _follow(y, time)[2] - jump_y * max(time - t, 0.0) ** 3,
         )
-    return largest
+        for time in times
+    )
 
 
 def _over_edges(
@@ -388,31 +386,9 @@ def quintic(start: Array, end: Array, horizon: Array, t: Array) -> Array:
     return np.array(_follow(_quintic(start, end, horizon), t))
 
 
-def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
-    """The `quintic` at one time, six times as fast for few columns.
-
-    Args:
-        start: rows p, v, a at time 0 (3, n) [m, s].
-        end: rows p, v, a at the `horizon` (3, n) [m, s].
-        horizon: time from start to end of each column (n,) [s].
-        t: time > 0; columns whose horizon is before it are at their end [s].
-
-    Returns:
-        Rows p, v, a (3, n) [m, s].
-    """
-    return _motion_at(_quintics(start, end, horizon), t)
-
-
-class _Quintic(NamedTuple):
-    """p + v s + a s^2 + c3 s^3 + c4 s^4 + c5 s^5 with s = t / h."""
-
-    h: Any  # horizon [s]
-    p: Any
-    v: Any
-    a: Any
-    c3: Any
-    c4: Any
-    c5: Any
+# Horizon h and coefficients of p + v s + a s^2 + c3 s^3 + c4 s^4 + c5 s^5 with
+# s = t / h, as numbers or arrays.
+_Quintic = tuple[Any, Any, Any, Any, Any, Any, Any]
 
 
 def _quintic(start: Any, end: Any, h: Any) -> _Quintic:
@@ -421,15 +397,10 @@ def _quintic(start: Any, end: Any, h: Any) -> _Quintic:
     v, a0, v1, a1 = v * h, a0 * h * h, v1 * h, a1 * h * h
     a = 0.5 * a0
     gap, dv, da = p1 - p - v - a, v1 - v - a0, a1 - a0
-    return _Quintic(
-        h,
-        p,
-        v,
-        a,
-        c3=10.0 * gap - 4.0 * dv + 0.5 * da,
-        c4=-15.0 * gap + 7.0 * dv - da,
-        c5=6.0 * gap - 3.0 * dv + 0.5 * da,
-    )
+    c3 = 10.0 * gap - 4.0 * dv + 0.5 * da
+    c4 = -15.0 * gap + 7.0 * dv - da
+    c5 = 6.0 * gap - 3.0 * dv + 0.5 * da
+    return h, p, v, a, c3, c4, c5
 
 
 def _quintics(start: Array, end: Array, horizon: Array) -> list[_Quintic]:
@@ -444,7 +415,9 @@ def _quintics(start: Array, end: Array, horizon: Array) -> list[_Quintic]:
 
 def _motion_at(columns: list[_Quintic], t: float) -> Array:
     """Returns rows p, v, a (3, n), or those at the end of a shorter horizon."""
-    return np.array([_follow(column, min(t, column.h)) for column in columns]).T
+    return np.array(
+        [_follow(column, min(t, column[0])) for column in columns]
+    ).T
 
 
 def _position(quintic: _Quintic, t: Any) -> Any:
