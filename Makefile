@@ -156,11 +156,14 @@ $(MADE)/figures/nadia_figure_4.png:
 clean:
 	rm -rf .venv build dist *.egg-info
 
-# Drake's wheel brings its libraries along, all but GLib.
-.venv/installed: pyproject.toml
+# Drake's wheel brings its libraries along, all but GLib.  Our geometry is
+# compiled: where even apt-get has no compiler, pip says what to install.
+.venv/installed: pyproject.toml setup.py nadia_balance/core/math/geometry.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 		echo "nadia_balance needs Python 3.11 or newer: make PYTHON=..."; \
 		exit 1; }
+	@command -v cc || command -v gcc || command -v clang \
+		|| sh .ci/apt gcc libc6-dev
 	$(PYTHON) -m venv .venv
 	$(PIP_INSTALL) .
 	$(BIN)/python -m pip uninstall --quiet --yes setuptools  # of Python 3.11
