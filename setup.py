@@ -33,7 +33,8 @@ class SharedLibrary(build_ext):
         path = Path(self.get_ext_fullpath(ext.name))
         path.parent.mkdir(parents=True, exist_ok=True)
         command = [*compiler.split(), *FLAGS, "-o", path, *ext.sources, "-lm"]
-        subprocess.run(command, check=True)
+        if subprocess.run(command).returncode:  # such as without math.h
+            raise SystemExit(NO_COMPILER)
 
 
 setup(

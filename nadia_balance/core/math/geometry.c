@@ -1,4 +1,5 @@
-/* Geometry of every control tick: convex polygons in the plane.
+/* Geometry of every control tick: convex polygons in the plane, and segments in
+ * space.
  *
  * Plain C99 without dependencies and without allocation: the caller gives the
  * room for results.  Only + - * / and sqrt are used, and fma where it is exact,
@@ -6,7 +7,7 @@
  * processor returns the same bits.
  *
  * Polygons are convex, counter-clockwise, and have their vertices in [m].
- * What functions are for is said in polygon.py, which calls them.
+ * What functions are for is said in polygon.py and segments.py, which call them.
  */
 
 #include <math.h>
@@ -344,4 +345,121 @@ double closest_point(const Point *polygon, int n, const Point *other, int k,
     double to_polygon = closest_vertex(other, k, polygon, n, &unused, &foot);
     *result = to_other <= to_polygon ? vertex : foot;
     return fmin(to_other, to_polygon);
+}
+
+typedef struct {
+    double x, y, z;
+} Vector;
+
+typedef struct {
+    double R[3][4]; /* [R, p] */
+} Pose;
+
+/* An axis of a capsule, in the frame of its body. */
+typedef struct {
+    Vector begin, axis;
+    double square; /* of its length [m^2], at least 1e-12 */
+    double radius, body;
+} Segment;
+
+typedef struct {
+    double first, second; /* numbers of segments */
+    double attention;     /* largest distance of their surfaces that counts */
+} Pair;
+
+typedef struct {
+    double distance;
+    Vector normal;   /* from the second to the first */
+    Vector point[2]; /* on the axes */
+    double body[2];
+} Gap;
+
+static Vector combined(Vector a, double s, Vector b) {
+    return (Vector){a.x + s * b.x, a.y + s * b.y, a.z + s * b.z};
+}
+
+static double dot(Vector a, Vector b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+static Vector vector_product(Vector a, Vector b) {
+    return (Vector){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z,
+                    a.x * b.y - a.y * b.x};
+}
+
+static Vector rotated(const Pose *X, Vector v) {
+    const double(*R)[4] = X->R;
+    return (Vector){R[0][0] * v.x + R[0][1] * v.y + R[0][2] * v.z,
+                    R[1][0] * v.x + R[1][1] * v.y + R[1][2] * v.z,
+                    R[2][0] * v.x + R[2][1] * v.y + R[2][2] * v.z};
+}
+
+static Vector position(const Pose *X) {
+    return (Vector){X->R[0][3], X->R[1][3], X->R[2][3]};
+}
+
+/* The closest points of two segments (Ericson, Real-time collision detection
+ * (2005), Sec. 5.1.9): on line a, then on segment b, then on segment a. */
+static void closest_points(const Segment *a, const Segment *b, Vector *p) {
+    Vector apart = combined(a->begin, -1.0, b->begin);
+    double ab = dot(a->axis, b->axis);
+    double ar = dot(apart, a->axis), br = dot(apart, b->axis);
+    double squares = a->square * b->square;
+    double det = fmax(squares - ab * ab, 1e-12 * a->square * b->square);
+    double s = limited((ab * br - b->square * ar) / det, 0.0, 1.0);
+    double t = limited((ab * s + br) / b->square, 0.0, 1.0);
+    s = limited((ab * t - ar) / a->square, 0.0, 1.0);
+    p[0] = combined(a->begin, s, a->axis);
+    p[1] = combined(b->begin, t, b->axis);
+}
+
+/* The pairs that are near.  Room for num_pairs gaps. */
+int near_pairs(const Pose *poses, const Segment *segments, int num_segments,
+               const Pair *pairs, int num_pairs, Gap *gaps, Segment *placed) {
+    for (int i = 0; i < num_segments; i++) {
+        const Pose *X = &poses[(int)segments[i].body];
+        placed[i] = segments[i];
+        placed[i].begin = combined(rotated(X, segments[i].begin), 1.0, position(X));
+        placed[i].axis = rotated(X, segments[i].axis);
+    }
+    int count = 0;
+    for (int i = 0; i < num_pairs; i++) {
+        const Segment *a = &placed[(int)pairs[i].first];
+        const Segment *b = &placed[(int)pairs[i].second];
+        Gap *gap = &gaps[count];
+        closest_points(a, b, gap->point);
+        Vector apart = combined(gap->point[0], -1.0, gap->point[1]);
+        double square = dot(apart, apart), radii = a->radius + b->radius;
+        double far = radii + pairs[i].attention;
+        if (!(square < far * far)) continue;
+        double size = sqrt(square), divisor = fmax(size, 1e-9);
+        gap->distance = size - radii;
+        gap->normal = (Vector){apart.x / divisor, apart.y / divisor,
+                               apart.z / divisor};
+        gap->body[0] = a->body;
+        gap->body[1] = b->body;
+        count++;
+    }
+    return count;
+}
+
+/* Rates of distances, and their derivatives W = [r x n, n] by the velocities
+ * [w, v] of the origins of both bodies: n . (v + w x r) = (r x n) . w + n . v;
+ * a shift of the point along n, from axis to surface, has no effect. */
+void gap_rates(const Gap *gaps, int n, const Pose *poses,
+               const Vector (*velocities)[2], double *rates,
+               Vector (*derivatives)[2][2]) {
+    for (int i = 0; i < n; i++) {
+        rates[i] = 0.0;
+        for (int side = 0; side < 2; side++) {
+            int body = (int)gaps[i].body[side];
+            Vector normal = gaps[i].normal, *W = derivatives[i][side];
+            Vector r = combined(gaps[i].point[side], -1.0, position(&poses[body]));
+            if (side == 1) normal = (Vector){-normal.x, -normal.y, -normal.z};
+            W[0] = vector_product(r, normal);
+            W[1] = normal;
+            rates[i] += dot(W[0], velocities[body][0]);
+            rates[i] += dot(W[1], velocities[body][1]);
+        }
+    }
 }

@@ -7,13 +7,11 @@ No argument types are declared, as that doubles the time of a call: bytes, int,
 """
 
 import ctypes
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from nadia_balance.core.math.arrays import Array
+from numpy.typing import ArrayLike
 
 FLOAT = np.dtype(float)
 
@@ -40,7 +38,7 @@ library.closest_point.restype = ctypes.c_double
 _UsualRoom = ctypes.c_double * _USUAL
 
 
-def doubles(values: Array | Sequence[float]) -> bytes:
+def doubles(values: ArrayLike) -> bytes:
     """Floats as C has them, row by row.
 
     Args:
