@@ -88,7 +88,7 @@ def halfspaces(polygon: Array) -> Halfspaces:
         ValueError: fewer than 3 vertices, so no interior.
     """
     vertices = doubles(polygon)
-    n = _size_of_area(vertices)
+    n = _size(vertices, least=3)
     result = room(3 * n)
     library.halfspaces(vertices, n, result)
     A: Array = np.ndarray((n, 2), FLOAT, result)
@@ -96,10 +96,10 @@ def halfspaces(polygon: Array) -> Halfspaces:
     return A, b
 
 
-def _size_of_area(vertices: bytes) -> int:
+def _size(vertices: bytes, least: int = 1) -> int:
     n = len(vertices) // _POINT
-    if n < 3:
-        raise ValueError(f"{n} vertices: a polygon needs 3 or more")
+    if n < least:
+        raise ValueError(f"{n} vertices: must be {least} or more")
     return n
 
 
@@ -115,7 +115,7 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
         True if it is inside, or on an edge.
     """
     vertices = doubles(polygon)
-    n = len(vertices) // _POINT
+    n = _size(vertices)
     limit = ctypes.c_double(tolerance)
     return bool(library.contains(doubles(point), vertices, n, limit))
 
@@ -132,7 +132,7 @@ def project(point: Array, polygon: Array) -> Array:
     """
     vertices = doubles(polygon)
     result = room(2)
-    library.project(doubles(point), vertices, len(vertices) // _POINT, result)
+    library.project(doubles(point), vertices, _size(vertices), result)
     return np.ndarray(2, FLOAT, result)
 
 
@@ -150,7 +150,7 @@ def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:
         The point p (2,) [m], and the gap [m].
     """
     one, two = doubles(polygon), doubles(other)
-    n, k = len(one) // _POINT, len(two) // _POINT
+    n, k = _size(one), _size(two)
     p = room(2)
     gap: float = library.closest_point(one, n, two, k, p)
     return np.ndarray(2, FLOAT, p), gap
@@ -167,7 +167,7 @@ def centroid(polygon: Array) -> Array:
     """
     vertices = doubles(polygon)
     result = room(2)
-    library.centroid(vertices, len(vertices) // _POINT, result)
+    library.centroid(vertices, _size(vertices), result)
     return np.ndarray(2, FLOAT, result)
 
 
@@ -227,7 +227,7 @@ def intersection(first: Array, second: Array) -> Array:
         Vertices (m, 2) [m]; (0, 2) if it has no area.
     """
     one, other = doubles(first), doubles(second)
-    n, k = len(one) // _POINT, _size_of_area(other)
+    n, k = len(one) // _POINT, _size(other, least=3)
     limit = 2 * (n + k)
     part = room(4 * limit + 3 * k)
     return _part(library.intersection(one, n, other, k, part, limit), part)
@@ -268,7 +268,7 @@ def minkowski_sum(first: Array, second: Array) -> Array:
         Vertices (m, 2) [m].
     """
     one, other = doubles(first), doubles(second)
-    n, k = len(one) // _POINT, len(other) // _POINT
+    n, k = _size(one), _size(other)
     total = room(2 * (n + k))
     count = library.minkowski_sum(one, n, other, k, total)
     return np.ndarray((count, 2), FLOAT, total)

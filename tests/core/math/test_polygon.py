@@ -249,3 +249,23 @@ def test_normals_and_offsets_are_as_many():
     """Oracle: the message."""
     with pytest.raises(ValueError, match="4 normals, 3 offsets"):
         polygon.clip_all(rectangle(1.0, 1.0), np.ones((4, 2)), np.ones(3))
+
+
+@pytest.mark.parametrize(
+    "of_nothing",
+    [
+        lambda none: polygon.contains(np.zeros(2), none),
+        lambda none: polygon.project(np.zeros(2), none),
+        lambda none: polygon.centroid(none),
+        lambda none: polygon.closest_point(rectangle(1.0, 1.0), none),
+        lambda none: polygon.minkowski_sum(none, rectangle(1.0, 1.0)),
+    ],
+)
+def test_nothing_is_asked_of_no_vertices(of_nothing):
+    """Oracle: the message; and of no points, the hull has none."""
+    none = np.empty((0, 2))
+    with pytest.raises(ValueError, match="0 vertices: must be 1 or more"):
+        of_nothing(none)
+    assert polygon.convex_hull(none).shape == (0, 2)
+    assert polygon.clip_all(none, np.eye(2), np.ones(2)).shape == (0, 2)
+    assert polygon.area(none) == 0.0
