@@ -154,12 +154,17 @@ $(MADE)/figures/nadia_figure_4.png:
 	$(BIN)/python docs/figures/nadia_paper.py --out $(@D)
 
 clean:
-	rm -rf .venv build dist *.egg-info
+	rm -rf .venv build dist *.egg-info nadia_balance/core/math/*.so
 
-# Drake's wheel brings its libraries along, all but GLib.
-.venv/installed: pyproject.toml
+# Drake's wheel brings its libraries along, all but GLib.  Our geometry is
+# compiled.
+.venv/installed: pyproject.toml setup.py nadia_balance/core/math/geometry.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 		echo "nadia_balance needs Python 3.11 or newer: make PYTHON=..."; \
+		exit 1; }
+	@command -v cc || command -v gcc || command -v clang \
+		|| sh .ci/apt gcc libc6-dev || { \
+		echo "nadia_balance needs a C compiler: apt-get install gcc libc6-dev"; \
 		exit 1; }
 	$(PYTHON) -m venv .venv
 	$(PIP_INSTALL) .

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
+from pydrake.geometry import GeometryId, Meshcat
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import (
     Context,
@@ -200,6 +200,18 @@ class HumanoidDiagram(ClosedLoop):
         ratio = self.scenario.imperfections.friction_ratio
         if ratio != 1.0:
             scale_friction(self.plant, self.scene_graph, ratio)
+        self._parts = self._shapes()
+
+    def _shapes(self) -> dict[GeometryId, int]:
+        """The robot's shapes: 1 for each of its feet, 2 for all others."""
+        feet = set(self.robot.foot_bodies.values())
+        pelvis = self.plant.GetBodyByName(self.robot.pelvis_body)
+        parts = {}
+        for index in self.plant.GetBodyIndices(pelvis.model_instance()):
+            body = self.plant.get_body(index)
+            for shape in self.plant.GetCollisionGeometriesForBody(body):
+                parts[shape] = 1 if body.name() in feet else 2
+        return parts
 
     def _close_loop(
         self,
@@ -384,9 +396,23 @@ class HumanoidDiagram(ClosedLoop):
         Returns:
             The names of what touches.
         """
+        if self.engine is self.plant and self._only_feet_touch(context):
+            return set()
         return self.robot.improper_contacts(
             self.plant,
             read(self.engine.GetOutputPort("contact_results"), context),
+        )
+
+    def _only_feet_touch(self, context: Context) -> bool:
+        """True if the robot touches nothing, or by its feet what is no robot.
+
+        The shapes tell it.  The contact forces would be those of a whole step
+        of the plant, which is solved again after the controller's update.
+        """
+        query = read(self.scene_graph.get_query_output_port(), context)
+        return all(
+            self._parts.get(pair.id_A, 0) + self._parts.get(pair.id_B, 0) < 2
+            for pair in query.ComputePointPairPenetration()
         )
 
     def passed_limit(self, context: Context) -> bool:

@@ -22,8 +22,11 @@ FILES = {
     path.relative_to(ROOT).as_posix(): path
     for folder in FOLDERS
     for path in sorted((ROOT / folder).rglob("*"))
-    if path.is_file() and "__pycache__" not in path.parts
+    if path.is_file()
+    and "__pycache__" not in path.parts
+    and path.suffix != ".so"
 }
+LIBRARY = "nadia_balance/core/math/libgeometry.so"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
@@ -51,16 +54,23 @@ def run(*command: str | Path, cwd: Path, path: str = "") -> str:
     return done.stdout
 
 
-def wheel(folder: Path) -> Path:
-    """The wheel, built in a copy: setuptools leaves its work in the tree."""
-    source = folder / "source"
-    junk = shutil.ignore_patterns("__pycache__", "*.egg-info")
+def copied(source: Path) -> list[str]:
+    """Copies what is built: setuptools leaves its work in the tree.
+
+    Returns the command that builds the wheel there.
+    """
+    junk = shutil.ignore_patterns("__pycache__", "*.egg-info", "*.so")
     for name in FOLDERS:
         shutil.copytree(ROOT / name, source / name, ignore=junk)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    build = "-m build --wheel --no-isolation --outdir".split()
-    run(sys.executable, *build, folder, cwd=source)
+    return [sys.executable, *"-m build --wheel --no-isolation".split()]
+
+
+def wheel(folder: Path) -> Path:
+    """The wheel."""
+    source = folder / "source"
+    run(*copied(source), "--outdir", folder, cwd=source)
     (built,) = folder.glob("*.whl")
     return built
 
@@ -126,12 +136,15 @@ def outcome(tmp_path_factory) -> tuple:
 
 
 def test_the_wheel_carries_every_file_in_one_package(outcome):
-    """Oracle: the files in the checkout."""
+    """Oracle: the files in the checkout, and the geometry, compiled."""
     packed_as = {
         name if name.startswith("nadia_balance/") else f"nadia_balance/{name}"
         for name in FILES
     }
-    assert {n for n in outcome[0] if ".dist-info/" not in n} == packed_as
+    assert {n for n in outcome[0] if ".dist-info/" not in n} == {
+        *packed_as,
+        LIBRARY,
+    }
 
 
 def test_the_wheel_is_typed(outcome):
@@ -145,6 +158,22 @@ def test_commands_run_from_another_directory(outcome):
     assert helps.count("usage: ") == len(PROJECT["scripts"])
     assert str(ROOT) not in printed
     assert json.loads(summary)["recovered"]
+
+
+def test_says_what_to_install_where_there_is_no_compiler(tmp_path):
+    """Oracle: one line of our own; nothing is built."""
+    source, nowhere = tmp_path / "source", tmp_path / "nowhere"
+    done = subprocess.run(
+        copied(source),
+        cwd=source,
+        env={"PATH": str(nowhere)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    message = "nadia_balance needs a C compiler: apt-get install gcc libc6-dev"
+    assert done.returncode and message in done.stdout.splitlines()
+    assert not [*source.rglob("*.so"), *source.rglob("*.whl")]
 
 
 def third_party_imports(*folders: str) -> set[str]:

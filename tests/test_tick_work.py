@@ -22,8 +22,8 @@ TEXT = "{mechanisms: all_with_cross_over, gait: {num_steps: 6}}"
 # them; who makes it heavier says why.  Three evaluations, and 20 calls, ask
 # whether the velocity command has changed.
 BOUNDS = {
-    "Python calls": 500,
-    "evaluations": 77,
+    "Python calls": 400,
+    "evaluations": 68,
     "Jacobians": 3.0,
     "quadratic programs": 2.0,
     "distance queries": 0.0,

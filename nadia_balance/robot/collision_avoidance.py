@@ -2,11 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import (
     Capsule,
     GeometryId,
@@ -18,7 +16,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.math.arrays import Array, SegmentPairs, cross
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.segments import (
+    BODIES,
+    DISTANCE,
+    GAP,
+    Segment,
+    SegmentPairs,
+    gap_rates,
+)
 from nadia_balance.core.whole_body.command import Avoidance
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.model import RobotModel
@@ -27,7 +33,6 @@ from nadia_balance.robot.plants import body_poses, joints
 MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
-_TINY = 1e-9  # avoids division by zero if the axes of links meet [m]
 
 
 class CollisionAvoidance:
@@ -59,6 +64,8 @@ class CollisionAvoidance:
         self._params = params
         self._plant = plant
         self._world = plant.world_frame()
+        none = np.empty((0, plant.num_velocities() + 1))
+        self._nothing = Avoidance(limits=none, braking=none)
         inspector = scene.model_inspector()
         candidates = sorted(inspector.GetCollisionCandidates())
         self._shapes = {
@@ -72,39 +79,24 @@ class CollisionAvoidance:
         self._number = {b.index(): i for i, b in enumerate(self._bodies)}
         upper_body = _upper_body(robot, plant)
         arm_attention = max(params.arm_attention, params.attention)
-        round_pairs: list[tuple[_Shape, _Shape, float]] = []
+        round_shapes = [id for id, s in self._shapes.items() if s.is_round]
+        number = {id: i for i, id in enumerate(round_shapes)}
+        pairs: list[tuple[int, int, float]] = []
         self._others: list[tuple[GeometryId, GeometryId, float]] = []
         for a, b in candidates:
             first, second = self._shapes[a], self._shapes[b]
             is_arm = {first.body.index(), second.body.index()} & upper_body
             attention = arm_attention if is_arm else params.attention
-            if first.radius is None or second.radius is None:
-                self._others.append((a, b, attention))
+            if first.is_round and second.is_round:
+                pairs.append((number[a], number[b], attention))
             else:
-                round_pairs.append((first, second, attention))
-        self._set_round_pairs(round_pairs)
+                self._others.append((a, b, attention))
+        segments = [self._segment(self._shapes[id]) for id in round_shapes]
+        self._round_pairs = SegmentPairs(segments, pairs)
 
-    def _set_round_pairs(
-        self, pairs: Sequence[tuple["_Shape", "_Shape", float]]
-    ) -> None:
-        """Builds the tables of k pairs of capsules and spheres."""
-        sides = [[pair[0] for pair in pairs], [pair[1] for pair in pairs]]
-        shapes = list(dict.fromkeys(sides[0] + sides[1]))
-        # The pose of its body times a segment is [begin, axis] (3, 2) in W.
-        self._segments = np.array([s.segment for s in shapes]).reshape(-1, 4, 2)
-        self._owner = np.array(
-            [self._number[s.body.index()] for s in shapes], dtype=int
-        )
-        # Indices of the first and the second shape, and body, of each pair.
-        self._sides = np.array(
-            [[shapes.index(s) for s in side] for side in sides], dtype=int
-        )
-        self._pair_bodies = self._owner[self._sides]
-        lengths = np.linalg.norm(self._segments[:, :3, 1], axis=1)
-        self._pairs = SegmentPairs(lengths[self._sides])
-        radii = np.array([s.radius for s in shapes])
-        self._radii = radii[self._sides].sum(axis=0)
-        self._squared_far = (self._radii + [pair[2] for pair in pairs]) ** 2
+    def _segment(self, shape: "_Shape") -> Segment:
+        body = self._number[shape.body.index()]
+        return Segment(shape.begin, shape.axis, shape.radius, body)
 
     def calc(self, context: Context) -> Avoidance:
         """The rows of the pairs that need the largest decelerations.
@@ -116,16 +108,15 @@ class CollisionAvoidance:
             At most MAX_PAIRS rows, sorted, the most urgent first.
         """
         distance, rows = self.distances(context)
+        if not distance.size:
+            return self._nothing
         v: Any = self._plant.GetVelocities(context)
+        law = -self._params.braking(distance, rows @ v)
+        table = np.column_stack((rows, law))
         near = distance < self._params.attention
-        limits = self._rows_of_law(distance[near], rows[near], v)
-        braking = self._rows_of_law(distance[~near], rows[~near], v)
-        return Avoidance(limits, math.sqrt(self._params.arm_weight) * braking)
-
-    def _rows_of_law(self, distance: Array, rows: Array, v: Array) -> Array:
-        """Rows (k, nv + 1) of pairs: d_ddot less what the law asks for."""
-        return np.column_stack(
-            (rows, -self._params.braking(distance, rows @ v))
+        return Avoidance(
+            limits=table[near],
+            braking=math.sqrt(self._params.arm_weight) * table[~near],
         )
 
     def distances(self, context: Context) -> tuple[Array, Array]:
@@ -139,36 +130,31 @@ class CollisionAvoidance:
         """
         plant = self._plant
         X_WB = body_poses(plant, context, self._bodies)
-        distance, normal, p, bodies = pairs = self._near_round(X_WB)
+        gaps = self._round_pairs.near(X_WB)
         if self._others:
-            both = zip(pairs, self._near_others(context, X_WB), strict=True)
-            distance, normal, p, bodies = (
-                np.concatenate(arrays, axis=-1) for arrays in both
-            )
-        if not distance.size:
+            gaps = np.concatenate([gaps, self._near_others(context, X_WB)])
+        if not len(gaps):
             return np.empty(0), np.empty((0, plant.num_velocities()))
-        # n . (v + w x r) = (r x n) . w + n . v for V = [w, v] of a body; a
-        # shift of the point along n, from axis to surface, has no effect.
-        W = np.empty((6, 2, distance.size))
-        W[3:, 0] = normal
-        W[3:, 1] = -normal
-        W[:3] = cross(p - X_WB[:, :, 3].T.take(bodies, axis=1), W[3:])
+        distance, bodies = gaps[:, DISTANCE], gaps[:, BODIES].astype(int)
         V = np.empty((len(self._bodies), 6))
         for i in set(bodies.ravel().tolist()):
             V[i] = plant.EvalBodySpatialVelocityInWorld(
                 context, self._bodies[i]
             ).get_coeffs()
-        rates = np.einsum("ipk,pki->k", W, V.take(bodies, axis=0))
+        rates, W = gap_rates(gaps, X_WB, V)
         braking = self._params.braking(distance, rates)
         counts = (distance < self._params.attention) | (braking > 0.0)
         urgent = counts.nonzero()[0]
         if urgent.size > 1:
             urgent = urgent[np.argsort(-braking[urgent])][:MAX_PAIRS]
+        J = {
+            i: self._jacobian(context, i)
+            for i in set(bodies[urgent].ravel().tolist())
+        }
         rows = np.empty((urgent.size, plant.num_velocities()))
         for row, k in zip(rows, urgent.tolist(), strict=True):
-            J_A = self._jacobian(context, bodies[0, k])
-            J_B = self._jacobian(context, bodies[1, k])
-            row[:] = W[:, 0, k] @ J_A + W[:, 1, k] @ J_B
+            first, second = bodies[k].tolist()
+            row[:] = W[k, 0] @ J[first] + W[k, 1] @ J[second]
         return distance[urgent], rows
 
     def _jacobian(self, context: Context, number: int) -> Any:
@@ -182,31 +168,8 @@ class CollisionAvoidance:
             frame_E=self._world,
         )
 
-    def _near_round(self, X_WB: Array) -> tuple[NDArray[Any], ...]:
-        """The n near pairs of capsules and spheres.
-
-        Distances (n,) [m], normals (3, n) from the second to the first link,
-        closest points (3, 2, n) [m] on the axes, both in W, and numbers (2, n)
-        of the links.
-        """
-        placed = (X_WB.take(self._owner, axis=0) @ self._segments).T
-        begin, axes = placed.take(self._sides, axis=2)
-        p = self._pairs.closest_points(begin, axes)
-        apart = p[:, 0] - p[:, 1]
-        squares = np.einsum("ik,ik->k", apart, apart)
-        near = (squares < self._squared_far).nonzero()[0]
-        length = np.sqrt(squares.take(near))
-        return (
-            length - self._radii.take(near),
-            apart.take(near, axis=1) / np.maximum(length, _TINY),
-            p.take(near, axis=2),
-            self._pair_bodies.take(near, axis=1),
-        )
-
-    def _near_others(
-        self, context: Context, X_WB: Array
-    ) -> tuple[NDArray[Any], ...]:
-        """The same for other shapes, with points on the surfaces."""
+    def _near_others(self, context: Context, X_WB: Array) -> Array:
+        """The gaps of other shapes, with points on the surfaces."""
         query: Any = self._plant.get_geometry_query_input_port().Eval(context)
         rows = []
         for a, b, attention in self._others:
@@ -220,13 +183,7 @@ class CollisionAvoidance:
                 rows.append(
                     (pair.distance, *pair.nhat_BA_W, *p_WA, *p_WB, i, j)
                 )
-        columns = np.array(rows).reshape(-1, 12).T
-        return (
-            columns[0],
-            columns[1:4],
-            columns[4:10].reshape(2, 3, -1).transpose(1, 0, 2),
-            columns[10:].astype(int),
-        )
+        return np.array(rows).reshape(-1, GAP)
 
 
 class _Shape:
@@ -238,21 +195,21 @@ class _Shape:
         plant: MultibodyPlant,
         shape: GeometryId,
     ) -> None:
-        """A pose [R, p] of the body times `segment` (4, 2) is [begin, axis].
+        """Begin and vector (3,) of the axis [m] are in the frame of the body.
 
-        `radius` [m] is None unless the shape is a capsule or a sphere.
+        They mean something if the shape is a capsule or a sphere.
         """
         self.body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         self.X_BG = inspector.GetPoseInFrame(shape)
         form = inspector.GetShape(shape)
-        self.radius = (
-            form.radius() if isinstance(form, Capsule | Sphere) else None
-        )
-        axis = np.zeros(3)
+        self.is_round = isinstance(form, Capsule | Sphere)
+        self.radius = 0.0
+        self.axis = np.zeros(3)
+        if isinstance(form, Capsule | Sphere):
+            self.radius = form.radius()
         if isinstance(form, Capsule):
-            axis = form.length() * self.X_BG.rotation().matrix()[:, 2]
-        begin = self.X_BG.translation() - 0.5 * axis
-        self.segment = np.array([[*begin, 1.0], [*axis, 0.0]]).T
+            self.axis = form.length() * self.X_BG.rotation().matrix()[:, 2]
+        self.begin = self.X_BG.translation() - 0.5 * self.axis
 
 
 def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.math.arrays import Array, cross
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
 from nadia_balance.core.whole_body.command import (
     BASE,
@@ -84,15 +84,15 @@ class WholeBodyKinematics:
         Returns:
             The terms, without link avoidance.
         """
-        rows = self._rows.copy()
         state: Any = self.plant.GetPositionsAndVelocities(context)
         v = state[-self._damping.size :]
+        rows = self._rows.copy()
         self._fill_forces(context, v, rows)
         self._fill_motions(context, rows)
         poses = (
             body_poses(self.plant, context, self._bodies) @ self._X_BodyFrame
         )
-        velocities = rows[:, :-1] @ v
+        velocities = rows[:, :-1].dot(v)
         if self._lead:
             self._take_back(rows, v, velocities)
         return WholeBodyTerms(
@@ -112,60 +112,48 @@ class WholeBodyKinematics:
         and torso Jdot v; for the momentum the bias force without gravity, less
         the moment due to the motion of the base's origin.
         """
-        turns = rows[:, -1].copy()
-        turns[PELVIS] = 0.0
-        turns[BASE] += rows[BASE, 3:6] @ self._gravity
-        turns[BASE.start : BASE.start + 3] -= cross(
-            v[3:6], velocities[BASE][3:]
+        turns = rows[: BASE.stop, -1].copy()
+        turns[BASE] += rows[BASE, 3:6].dot(self._gravity)
+        x, y, z = v[3:6].tolist()
+        px, py, pz = velocities[BASE][3:].tolist()
+        turns[BASE.start : BASE.start + 3] -= (
+            y * pz - z * py,
+            z * px - x * pz,
+            x * py - y * px,
         )
-        turns[BASE.stop : TORSO.start] = 0.0
-        velocities -= self._lead * turns
+        velocities[: BASE.stop] -= self._lead * turns
+        velocities[TORSO] -= self._lead * rows[TORSO, -1]
 
     def _fill_forces(self, context: Context, v: Array, rows: Array) -> None:
         """Writes [M, bias] (nv, nv + 1) per mass, with gravity and damping."""
         M = self.plant.CalcMassMatrix(context)
-        bias = self.plant.CalcBiasTerm(context) + self._damping * v
+        bias = self.plant.CalcBiasTerm(context)
+        bias += self._damping * v
         # Gravity from M: the base's linear velocity is expressed in W.
-        bias -= M[:, 3:6] @ self._gravity
+        bias -= M[:, 3:6].dot(self._gravity)
         forces = rows[BASE.start : TORSO.start]
-        forces[:, :-1] = M
-        forces[:, -1] = bias
-        forces /= self._mass
+        np.divide(M, self._mass, out=forces[:, :-1])
+        np.divide(bias, self._mass, out=forces[:, -1])
 
     def _fill_motions(self, context: Context, rows: Array) -> None:
-        """Writes [J, Jdot v] of soles and torso."""
-        world = self._world
+        """Writes [J, Jdot v] of soles and torso.
+
+        Drake's arguments are in order: by keyword a call takes half as long
+        again.
+        """
+        plant, world = self.plant, self._world
         for sole, foot, p_FS in self._points:
-            rows[sole, :-1] = self.plant.CalcJacobianSpatialVelocity(
-                context=context,
-                with_respect_to=_V,
-                frame_B=foot,
-                p_BoBp_B=p_FS,
-                frame_A=world,
-                frame_E=world,
+            rows[sole, :-1] = plant.CalcJacobianSpatialVelocity(
+                context, _V, foot, p_FS, world, world
             )
-            rows[sole, -1] = self.plant.CalcBiasSpatialAcceleration(
-                context=context,
-                with_respect_to=_V,
-                frame_B=foot,
-                p_BoBp_B=p_FS,
-                frame_A=world,
-                frame_E=world,
+            rows[sole, -1] = plant.CalcBiasSpatialAcceleration(
+                context, _V, foot, p_FS, world, world
             ).get_coeffs()
-        rows[TORSO, :-1] = self.plant.CalcJacobianAngularVelocity(
-            context=context,
-            with_respect_to=_V,
-            frame_B=self._torso,
-            frame_A=world,
-            frame_E=world,
+        rows[TORSO, :-1] = plant.CalcJacobianAngularVelocity(
+            context, _V, self._torso, world, world
         )
-        rows[TORSO, -1] = self.plant.CalcBiasSpatialAcceleration(
-            context=context,
-            with_respect_to=_V,
-            frame_B=self._torso,
-            p_BoBp_B=_ORIGIN,
-            frame_A=world,
-            frame_E=world,
+        rows[TORSO, -1] = plant.CalcBiasSpatialAcceleration(
+            context, _V, self._torso, _ORIGIN, world, world
         ).rotational()
 
 
@@ -176,7 +164,8 @@ def _com_state(p_WB: Array, rows: Array, velocities: Array) -> Array:
     p_BC x v per mass about the base's origin B, from which p_BC follows.
     """
     (_, _, y), (z, _, _), (_, x, _) = rows[BASE][:3, 3:6].tolist()
-    return np.concatenate((p_WB + (x, y, z), velocities[BASE][3:]))
+    px, py, pz = p_WB.tolist()
+    return np.array((px + x, py + y, pz + z, *velocities[BASE][3:].tolist()))
 
 
 def whole_body_model(

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, RigidBody
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
 from nadia_balance.core.estimation.complementary import Complementary
 from nadia_balance.core.estimation.invariant_ekf import (
@@ -27,6 +27,7 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import (
+    Block,
     declare_outcome,
     declare_scratch,
     input_port,
@@ -105,7 +106,7 @@ def imu_motion(
     return X_WB @ X_BI, V_WB.Shift(X_WB.rotation() @ X_BI.translation())
 
 
-class Imu(LeafSystem):
+class Imu(Block):
     """Measures the mean angular velocity and specific force over a period.
 
     `state` is [q, v] of the robot's `control_plant`.  `imu`, (9,), is
@@ -203,7 +204,7 @@ class Imu(LeafSystem):
         )
 
 
-class JointEncoders(LeafSystem):
+class JointEncoders(Block):
     """Measures joint angles and speeds with white noise, a sample a period.
 
     `state` is [q, v] of the robot's `control_plant`, `joints` (2 nj,) are the
@@ -256,7 +257,7 @@ class JointEncoders(LeafSystem):
         )
 
 
-class StateEstimator(LeafSystem):
+class StateEstimator(Block):
     """Estimates [q, v] by an InvariantEkf, or another of FILTERS.
 
     `imu` is that of an Imu, `joints` of JointEncoders, `foot_forces` (2,) [N].

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
@@ -27,14 +27,16 @@ from nadia_balance.core.walking.mechanisms import USUAL
 from nadia_balance.core.walking.state import Phase, support_polygon
 from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import (
+    Block,
     declare_cache,
     declare_outcome,
     declare_output,
-    declare_plan,
     input_port,
+    once_per_schedule,
     optional_input,
 )
 from nadia_balance.systems.signals import (
+    ComState,
     EcmpCommand,
     IcpReference,
     QpStatus,
@@ -42,7 +44,7 @@ from nadia_balance.systems.signals import (
 )
 
 
-class MomentumQp(LeafSystem):
+class MomentumQp(Block):
     """Computes eCMP = CoP_r + kappa_r + delta + kappa from the ICP error.
 
     delta, of the CoP, and kappa, of the angular momentum, minimise the error of
@@ -69,16 +71,14 @@ class MomentumQp(LeafSystem):
         shrink(model.cop_area, params.cop_safe_distance, "cop_safe_distance")
         self._qp = IcpFeedbackQp(params)
         self._icp = input_port(self, "icp")
-        self._reference = input_port(self, "icp_reference")
+        self._reference = input_port(self, "icp_reference", size(IcpReference))
         self._walking = input_port(self, "walking_state")
-        self._limits: Any = declare_plan(
-            self,
-            self._walking,
+        self._limits = once_per_schedule(
             lambda state: feedback_limits(
                 support_polygon(state.schedule, model.cop_area),
                 state.schedule.feet[state.schedule.support_side].yaw,
                 params,
-            ),
+            )
         )
         declare_outcome(
             self,
@@ -94,14 +94,15 @@ class MomentumQp(LeafSystem):
     def _calc_outcome(
         self, context: Context, last: dict[str, Any]
     ) -> tuple[Any, ...]:
+        # The entries of an IcpReference; its properties take longer.
         reference = self._reference(context)
-        cop_r = reference.cop
+        icp_r, cop_r, ecmp_r = reference[:2], reference[4:6], reference[6:]
         feedback = self._qp.solve(
-            error=self._icp(context) - reference.icp,
+            error=self._icp(context) - icp_r,
             cop_r=cop_r,
-            kappa_r=reference.ecmp - cop_r,
+            kappa_r=ecmp_r - cop_r,
             previous=last["increments"],
-            limits=self._limits.Eval(context)[1],
+            limits=self._limits(self._walking(context)),
         )
         return (
             feedback.cop,
@@ -111,7 +112,7 @@ class MomentumQp(LeafSystem):
         )
 
 
-class IcpStepController(LeafSystem):
+class IcpStepController(Block):
     """Computes CMP and footholds by one QP (Atlas paper, Sec. IV).
 
     It replaces a step adjuster and a MomentumQp.  The ICP reference follows
@@ -149,9 +150,7 @@ class IcpStepController(LeafSystem):
         self._plan = input_port(self, "icp_plan", AtlasIcpPlan)
         self._time = optional_input(self, "time_adjustment", default=(0.0, 0.0))
         self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
-        self._phase: Any = declare_plan(
-            self, self._walking, self._control.phase
-        )
+        self._phase = once_per_schedule(self._control.phase)
         self._feedback: Any = declare_cache(
             self, "feedback", self._calc_feedback
         )
@@ -183,7 +182,7 @@ class IcpStepController(LeafSystem):
             )
         return self._control.feedback(
             state,
-            phase=self._phase.Eval(context)[1],
+            phase=self._phase(state),
             plan=self._plan(context),
             icp=self._icp(context),
             on=self._mechanisms(context).step,
@@ -193,9 +192,10 @@ class IcpStepController(LeafSystem):
         return self._feedback.Eval(context).adjustment
 
     def _calc_regions(self, context: Context) -> CaptureRegions:
-        if self._walking(context).schedule.phase is not Phase.SWING:
+        state = self._walking(context)
+        if state.schedule.phase is not Phase.SWING:
             return CaptureRegions()
-        phase = self._phase.Eval(context)[1]
+        phase = self._phase(state)
         # While `step` is off, the previous adjustment holds.
         adjustment = self._calc_adjustment(context) or phase.adjustment
         return CaptureRegions(
@@ -220,7 +220,7 @@ class IcpStepController(LeafSystem):
         )
 
 
-class ComHeightController(LeafSystem):
+class ComHeightController(Block):
     """Computes the momentum rate l_dot = m (omega^2 (c - eCMP), z_ddot).
 
     z_ddot = k_d clip(z_dot_d + k_p / k_d (z_d - z)) - k_d z_dot is a PD law on
@@ -248,24 +248,23 @@ class ComHeightController(LeafSystem):
         check(params)
         self._model = model
         self._control = ComHeight(params, model)
-        self._com = input_port(self, "com_state")
-        self._ecmp = input_port(self, "ecmp_command")
+        self._com = input_port(self, "com_state", size(ComState))
+        self._ecmp = input_port(self, "ecmp_command", size(EcmpCommand))
         self._walking = input_port(self, "walking_state")
-        self._height: Any = declare_plan(
-            self,
-            self._walking,
-            lambda state: self._control.plan(state.schedule),
+        self._height = once_per_schedule(
+            lambda state: self._control.plan(state.schedule)
         )
         declare_output(self, "momentum_rate", self._calc_rate)
 
     def _calc_rate(self, context: Context) -> Array:
+        # The entries of a ComState, an EcmpCommand; properties take longer.
         com = self._com(context)
+        place, velocity = com[:2], com[3:5]
+        z, vz = float(com[2]), float(com[5])
+        ecmp = self._ecmp(context)[2:]
         state = self._walking(context)
-        ecmp = self._ecmp(context).ecmp
         # The planned height and its rate, which the stance leg may limit.
-        desired = self._height.Eval(context)[1].at(state.time_in_phase)
-        place, velocity = com.position[:2], com.velocity[:2]
-        z, vz = float(com.z), float(com.vz)
+        desired = self._height(state).at(state.time_in_phase)
         sinking = 0.0
         if state.schedule.phase is Phase.SWING:
             desired = min(

@@ -14,6 +14,7 @@ from pydrake.systems.framework import (
 
 from nadia_balance.core.body.model import lag_share, torque_limits
 from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side, whole_ticks
 from nadia_balance.parameters.bounds import bounded, parameters, require
@@ -53,6 +54,14 @@ class JointDrives(LeafSystem):
         self._max_torques: Any = plant.GetEffortUpperLimits()
         self._max_speeds = robot.max_joint_speeds[velocities - 6]
         self._corner_speed = robot.drives.corner_speed
+        # Up to the corner speed the limits are constant.  The margin is large
+        # against rounding.
+        corner_speeds = self._corner_speed * self._max_speeds
+        self._per_corner_speed = (1.0 + 1e-6) / corner_speeds
+        self._full = (
+            np.negative(self._max_torques).tolist(),
+            self._max_torques.tolist(),
+        )
         step = plant.time_step()
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
@@ -63,15 +72,35 @@ class JointDrives(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
-        torques: Any = context.get_discrete_state_vector().value()
+        # In floats: a step of the plant leaves nothing in the processor's
+        # caches, and each function of numpy's is a wait for memory.
+        torques: Any = new.get_mutable_value(0)  # still those of the last step
+        commands = self._actuation(context).tolist()
+        lower, upper = self._limits(self._state(context)[self._speeds])
+        following = []
+        for torque, command, low, high in zip(
+            torques.tolist(), commands, lower, upper, strict=True
+        ):
+            torque += self._share * (command - torque)
+            if torque > high:
+                torque = high
+            elif torque < low:
+                torque = low
+            following.append(torque)
+        torques[:] = following
+
+    def _limits(self, speeds: Array) -> tuple[list[float], list[float]]:
+        """The least and the largest torques (nu) [N m] at the speeds."""
+        shares = speeds * self._per_corner_speed
+        if shares.dot(shares) < 1.0:  # then no share is above 1, either
+            return self._full
         lower, upper = torque_limits(
-            self._state(context)[self._speeds],
+            speeds,
             max_torque=self._max_torques,
             max_speed=self._max_speeds,
             corner_speed=self._corner_speed,
         )
-        torques = torques + self._share * (self._actuation(context) - torques)
-        new.set_value(np.minimum(np.maximum(torques, lower), upper))
+        return lower.tolist(), upper.tolist()
 
 
 class FootForceSensor(LeafSystem):
@@ -129,8 +158,10 @@ class FootForceSensor(LeafSystem):
             "contact_results",
             engine.GetOutputPort("contact_results").Allocate(),
         )
-        self._mean: Any = self.DeclareDiscreteState(2)
-        self._samples: Any = self.DeclareDiscreteState(2 * self._steps)
+        mean = self.DeclareDiscreteState(2)
+        samples = self.DeclareDiscreteState(2 * self._steps)
+        # Drake takes numbers faster than its own indices.
+        self._mean, self._samples = int(mean), int(samples)
         self._step, self._seed = step, seed
         self._noise = None
         if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
@@ -139,21 +170,20 @@ class FootForceSensor(LeafSystem):
             self._bias = sensors.load_bias * robot.mass * GRAVITY * random
         # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
-        self.DeclareStateOutputPort("foot_forces", self._mean)
+        self.DeclareStateOutputPort("foot_forces", mean)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
-    def _measure(self, context: Context, new: Any) -> None:
+    def _measure(self, context: Context, new: DiscreteValues) -> None:
+        forces: Any = new.get_mutable_value(self._mean)
+        samples: Any = new.get_mutable_value(self._samples)  # the last ones
         left, right = self._forces(self._contacts.Eval(context))
-        last = context.get_discrete_state(self._samples).value()[:-2]
-        samples = np.array((max(left, 0.0), max(right, 0.0), *last.tolist()))
-        new.set_value(self._samples, samples)
-        mean = self._average @ samples
+        samples[:] = max(left, 0.0), max(right, 0.0), *samples.tolist()[:-2]
+        forces[:] = self._average.dot(samples)
         if self._noise is not None:
             seed = self._seed, 1 + round(context.get_time() / self._step), 3
             noise = np.random.default_rng(seed).standard_normal(2)
             noise *= self._noise
-            mean = np.maximum(mean * (1.0 + noise) + self._bias, 0.0)
-        new.set_value(self._mean, mean)
+            forces[:] = np.maximum(forces * (1.0 + noise) + self._bias, 0.0)
 
     def _forces(self, results: Any) -> list[float]:
         """The vertical forces [N] on left and right foot in this step."""
@@ -163,7 +193,7 @@ class FootForceSensor(LeafSystem):
             bodies = int(pair.bodyA_index()), int(pair.bodyB_index())
             if bodies in self._foot_of:
                 foot, sign = self._foot_of[bodies]
-                forces[foot] += sign * float(pair.contact_force()[2])
+                forces[foot] += sign * pair.contact_force().item(2)
         return forces
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, State
+from pydrake.systems.framework import Context, State
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
@@ -53,16 +53,17 @@ from nadia_balance.core.walking.state import (
 from nadia_balance.parameters.bounds import check, require
 from nadia_balance.systems.ports import (
     TICK_TOLERANCE,
+    Block,
     Input,
     declare_output,
-    declare_plan,
     input_port,
+    once_per_schedule,
     optional_input,
 )
 from nadia_balance.systems.signals import MODES, PHASES
 
 
-class WalkingStateMachine(LeafSystem):
+class WalkingStateMachine(Block):
     """Advances the walking state once per control period.
 
     `footsteps` are those after the present phase.  They are read standing, on
@@ -196,7 +197,7 @@ def _planar(pose: FootPose) -> tuple[float, float, float]:
     return x, y, pose.yaw
 
 
-class FootstepPlanner(LeafSystem):
+class FootstepPlanner(Block):
     """Plans footsteps: to catch the robot, to walk as commanded, to stand.
 
     `footsteps` are those after the present phase, () to stand; of the foot in
@@ -271,14 +272,14 @@ class FootstepPlanner(LeafSystem):
     def _limited(self, context: Context) -> Array:
         """The velocity commanded (3,), within the limits."""
         command: Array = self._command(context)
-        if not command.any():
+        if not any(command.tolist()):
             return command
         return np.clip(command, self.limits[0], self.limits[1])
 
     def _update(self, context: Context, state: State) -> None:
         velocity = self._velocity(context)
         command = self._limited(context)
-        if not (command.any() or velocity.any()):
+        if not any(command.tolist() + velocity.tolist()):
             return
         if self._walking(context).mode is Mode.RECOVERING:
             command = np.zeros(3)  # the walk begins anew when it is calm
@@ -363,7 +364,7 @@ class FixedFootsteps(FootstepPlanner):
         return super()._calc_revised(context)
 
 
-class VelocityCommands(LeafSystem):
+class VelocityCommands(Block):
     """Tells the velocity command of a list of rows, each from its time on.
 
     Before the time of the first row the command is to stand.
@@ -404,7 +405,7 @@ class VelocityCommands(LeafSystem):
         return self._values[bisect_right(self._times, context.get_time())]
 
 
-class IcpPlanner(LeafSystem):
+class IcpPlanner(Block):
     """Plans the ICP for each new contact schedule.
 
     The plan is that of the Nadia paper (Eq. 4) or, with AtlasIcpPlanParams, of
@@ -435,21 +436,16 @@ class IcpPlanner(LeafSystem):
         super().__init__()
         check(params)
         self._walking = input_port(self, "walking_state")
-        self._planned: Any = declare_plan(
-            self, self._walking, _planning(params, model)
+        self._plan = once_per_schedule(_planning(params, model))
+        declare_output(
+            self, "icp_plan", lambda context: self._plan(self._walking(context))
         )
-        needs = [self._planned]
-        declare_output(self, "icp_plan", self._plan, needs=needs)
         if has_reference:
-            declare_output(
-                self, "icp_reference", self._calc_reference, needs=needs
-            )
-
-    def _plan(self, context: Context) -> Any:
-        return self._planned.Eval(context)[1]
+            declare_output(self, "icp_reference", self._calc_reference)
 
     def _calc_reference(self, context: Context) -> Array:
-        now = reference_of(self._plan(context), self._walking(context))
+        state = self._walking(context)
+        now = reference_of(self._plan(state), state)
         return np.concatenate([now.icp, now.icp_velocity, now.cop, now.ecmp])
 
 
@@ -463,7 +459,7 @@ def _planning(
     return lambda state: plan_icp(state.schedule, params, model, stance)
 
 
-class TimingAdapter(LeafSystem):
+class TimingAdapter(Block):
     """Computes the time by which to advance the walking clock (Nadia, Sec. VI).
 
     `time_adjustment` is the time to add to the clock in this tick, besides the

@@ -6,13 +6,17 @@ parameters are out of range is not made (ValueError).  A `period` is in [s].
 
 Controller blocks update their state in periodic unrestricted events.  Drake
 computes all events that are due from the state and the inputs before any of
-them, so that all blocks see the same state in a tick: x+ = f(x-, u).
+them, so that all blocks see the same state in a tick: x+ = f(x-, u).  The
+walking state is a Python value, which only an unrestricted event can change.
+Drake makes discrete updates after all unrestricted ones: they would see the new
+walking state.  They would not be faster, either.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from pydrake.common.value import Value
@@ -28,12 +32,20 @@ from pydrake.systems.framework import (
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import Mechanisms
-from nadia_balance.core.walking.state import WalkingState
+from nadia_balance.core.walking.state import ContactSchedule, WalkingState
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 TICK_TOLERANCE = 1e-6  # times of ticks differ by rounding [s]
 _REQUIRED = object()
-_VIEWS = {"mechanisms": Mechanisms.from_vector}
+Plan = TypeVar("Plan")
+
+
+@functools.lru_cache(maxsize=64)
+def _switches(values: bytes) -> Mechanisms:
+    return Mechanisms.from_vector(np.frombuffer(values))
+
+
+_VIEWS = {"mechanisms": lambda vector: _switches(vector.tobytes())}
 
 
 class _Nothing:
@@ -47,6 +59,16 @@ class _Nothing:
 
 
 NOTHING = _Nothing()
+
+
+class Block(LeafSystem):
+    """A LeafSystem of Drake without witness functions: a base of our blocks."""
+
+    # In every step a Simulator asks each block written in Python whether it has
+    # this method.  Where there is none, pybind11 asks again in the next step,
+    # and formats an AttributeError each time, 1.2 us; where it finds a method
+    # of C++, whichever, it never asks again.  None is ever called.
+    DoGetWitnessFunctions = LeafSystem.AllocateContext
 
 
 class Input:
@@ -75,8 +97,8 @@ class Input:
         self._default = default
         self._kind: Any = kind
         self._view = view if isinstance(kind, int) else kind
-        self._checked = self._vector if is_vector(kind) else self._value
-        if is_vector(kind):
+        self._is_vector = is_vector(kind)
+        if self._is_vector:
             self._port = system.DeclareVectorInputPort(name, size(kind))
         else:
             self._port = system.DeclareAbstractInputPort(name, Value(NOTHING))
@@ -105,16 +127,23 @@ class Input:
         """
         # Calling HasValue first would evaluate the port twice.
         try:
-            value = self._port.Eval(context)
+            value: Any = self._port.Eval(context)
         except (RuntimeError, ValueError):
             if self._default is _REQUIRED or self._port.HasValue(context):
                 raise
             return self._default
-        return self._checked(value, context)
+        if not self._is_vector:
+            return value if isinstance(value, self._kind) else self._none(value)
+        # The sum of squares is finite only if all entries are; `dot` is the
+        # fastest way to compute it.
+        if not math.isfinite(value.dot(value)):
+            raise self.error(context, "is not finite")
+        return value if self._view is None else self._view(value)
 
-    def _value(self, value: Any, _: Context) -> Any:
+    def _none(self, value: Any) -> Any:
+        """The default, if a value that is not of the kind means it."""
         value = None if value is NOTHING else value
-        if not isinstance(value, self._kind) and value is not self._default:
+        if value is not self._default:
             raise TypeError(
                 self._message(
                     f"got a {type(value).__name__}, "
@@ -122,13 +151,6 @@ class Input:
                 )
             )
         return value
-
-    def _vector(self, value: Any, context: Context) -> Any:
-        # The sum of squares is finite only if all entries are; `dot` is the
-        # fastest way to compute it.
-        if not math.isfinite(value.dot(value)):
-            raise self.error(context, "is not finite")
-        return value if self._view is None else self._view(value)
 
     def error(self, context: Context, fault: str) -> RuntimeError:
         """The error that something is wrong with the port, and since when.
@@ -244,18 +266,17 @@ def declare_cache(
     name: str,
     calc: Callable[[Context, Any], object],
     needs: Needs | None = None,
-    first: object = NOTHING,
 ) -> CacheEntry:
     """Declares a cache entry z = calc(context, last z).
 
-    Reuse of the last value may save work, but must not change the result.
+    Reuse of the last value may save work, but must not change the result; the
+    first calculation has NOTHING as last value.
 
     Args:
         system: block that gets the entry.
         name: name of the entry.
         calc: returns the value; None is kept as NOTHING, which is false, too.
         needs: what the value depends on, by default all inputs.
-        first: last value of the first calculation.
 
     Returns:
         The cache entry.
@@ -267,7 +288,7 @@ def declare_cache(
 
     return system.DeclareCacheEntry(
         name,
-        ValueProducer(lambda: Value(first), update),
+        ValueProducer(lambda: Value(NOTHING), update),
         _tickets(system, needs),
     )
 
@@ -292,33 +313,32 @@ def declare_scratch(system: LeafSystem, other: System) -> CacheEntry:
     )
 
 
-def declare_plan(
-    system: LeafSystem,
-    walking_state: Input,
-    calc: Callable[[WalkingState], object],
-) -> CacheEntry:
-    """Declares a cache entry (schedule, plan), with plan = calc(state).
+def once_per_schedule(
+    calc: Callable[[WalkingState], Plan],
+) -> Callable[[WalkingState], Plan]:
+    """A plan that is computed once for each ContactSchedule.
 
-    The plan is computed once for each ContactSchedule.
+    The plan is constant while the schedule lasts, which is many ticks: the
+    function keeps the last one, with the schedule as its key.
 
     Args:
-        system: block that gets the entry.
-        walking_state: input port of the walking state.
         calc: returns the plan, which depends on the state's schedule alone.
 
     Returns:
-        The cache entry.
+        The function that returns the plan of a walking state.
     """
+    last: tuple[ContactSchedule | None, Any] = (None, None)
 
-    def planned(context: Context, last: Any) -> Any:
-        state = walking_state(context)
-        if state.schedule is last[0]:
-            return last
-        return state.schedule, calc(state)
+    def plan(state: WalkingState) -> Plan:
+        nonlocal last
+        # A schedule is never changed, and comparing its values would be slow.
+        schedule, planned = last
+        if state.schedule is not schedule:
+            planned = calc(state)
+            last = (state.schedule, planned)
+        return cast(Plan, planned)
 
-    return declare_cache(
-        system, "plan", planned, needs=[walking_state], first=(None, None)
-    )
+    return plan
 
 
 def declare_outcome(

@@ -1,5 +1,6 @@
 """Pushes on the robot, at a time or at an event of the gait."""
 
+import itertools
 import math
 from dataclasses import replace
 from typing import Any, cast
@@ -29,7 +30,6 @@ from nadia_balance.core.walking.state import (
 )
 from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.systems.ports import (
-    declare_cache,
     declare_output,
     input_port,
     optional_input,
@@ -54,11 +54,11 @@ class PushSource(LeafSystem):
     Numeric parameter i: [peak force [N], direction [deg]] of push i, so that
     copies of one Context can have different pushes (see `set_push`).  Without a
     `walking_state` (a ContactClock has one), pushes can only begin at a time,
-    and their directions are relative to W.  State, for each push and then for
-    the live one: [ticks left, heading [rad] in W (of the support foot until the
-    push begins, then of the force), peak force [N]]; the last three entries are
-    the last count, the number of live pushes, and the duration of the last one
-    in ticks.  The outputs depend on the state only.  The update of a tick
+    and their directions are relative to W.  The outputs are state.  Its other
+    part is, for each push and then for the live one: [ticks left, heading [rad]
+    in W (of the support foot until the push begins, then of the force), peak
+    force [N]]; the last three entries are the last count, the number of live
+    pushes, and the duration of the last one in ticks.  The update of a tick
     starts a push; a discrete plant applies its force from the next step on.
     `spatial_forces` exists only with a plant.
 
@@ -101,44 +101,44 @@ class PushSource(LeafSystem):
         self._effective = [push.effective_duration(period) for push in pushes]
         self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
         # Before these times a push is not looked at [s]; the last one is live.
-        self._not_before = np.array(
-            [
-                *(
-                    -math.inf if push.moment.phase else push.moment.time
-                    for push in pushes
-                ),
-                0.0,
-            ]
-        )
+        self._not_before = [
+            *(
+                -math.inf if push.moment.phase else push.moment.time
+                for push in pushes
+            ),
+            0.0,
+        ]
         self._walking = optional_input(self, "walking_state")
         self._live_push = self.DeclareVectorInputPort("live_push", 4)
         for push in pushes:
             parameter: Any = [push.newtons(mass, period), push.direction_deg]
             self.DeclareNumericParameter(BasicVector(parameter))
-        self._state: Any = self.DeclareDiscreteState(
+        self._memory: Any = self.DeclareDiscreteState(
             cast(Any, [*([_PENDING, 0.0, 0.0] * len(pushes)), *np.zeros(6)])
         )
-        needs = [self.discrete_state_ticket(self._state)]
-        self._active: Any = declare_cache(
-            self, "active", self._calc_active, needs
+        self._force: Any = self.DeclareDiscreteState(3)
+        self._signal: Any = self.DeclareDiscreteState(
+            cast(Any, [*np.zeros(5), len(pushes)])
         )
-        needs.append(self._active.ticket())
-        declare_output(self, "push_force", self._calc_force, needs=needs)
-        declare_output(self, "push_signal", self._calc_signal, needs=needs)
+        self.DeclareStateOutputPort("push_force", self._force)
+        self.DeclareStateOutputPort("push_signal", self._signal)
+        self._applies = plant is not None
         if plant is not None:
-            self._bodies = []
-            for push in [*pushes, Push(at="0 s")]:  # the last one is live
-                body = find_body(plant, push.body or base_body)
-                self._bodies.append(
-                    (body.index(), push.point or body.default_com())
-                )
-            self.DeclareAbstractOutputPort(
-                "spatial_forces",
-                lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
-                self._calc_spatial,
-                set(needs),
-            )
+            self._declare_spatial(plant, base_body)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _declare_spatial(self, plant: MultibodyPlant, base_body: str) -> None:
+        """Declares `spatial_forces`, at first none, on bodies of the plant."""
+        self._bodies = []
+        for push in [*self._pushes, Push(at="0 s")]:  # the last one is live
+            body = find_body(plant, push.body or base_body)
+            self._bodies.append(
+                (body.index(), push.point or body.default_com())
+            )
+        forces = AbstractValue.Make([ExternallyAppliedSpatialForce()])
+        forces.set_value([])
+        self._spatial = self.DeclareAbstractState(forces)
+        self.DeclareStateOutputPort("spatial_forces", self._spatial)
 
     def set_push(
         self, context: Context, delta_v: float, direction_deg: float
@@ -164,39 +164,57 @@ class PushSource(LeafSystem):
         Returns:
             Whether it begins, or has begun and still acts.
         """
-        row = self._rows(context)[0].copy()
+        row = self._remembered(context)[:3]
         if row[0] < 0.0:
             self._await(context, self._walking(context), i=0, row=row)
-        return bool(row[0] > 0.0)
+        return row[0] > 0.0
 
-    def _rows(self, context: Context) -> Any:
-        """Ticks, heading and force of each push: a view of the state."""
-        state: Any = context.get_discrete_state(self._state).value()
-        return state[:-3].reshape(-1, 3)
+    def _remembered(self, context: Context) -> list[float]:
+        """The part of the state that is no output."""
+        memory: Any = context.get_discrete_state(self._memory).value()
+        return cast(list[float], memory.tolist())
 
-    def _live(self, context: Context) -> Any:
-        """Count, number and ticks of the live pushes: a view of the state."""
-        return context.get_discrete_state(self._state).value()[-3:]
-
-    def _update(self, context: Context, state: Any) -> None:
-        rows = self._rows(context).copy()
-        live = self._live(context).copy()
-        waits = (rows[:, 0] < 0.0).any()
+    def _update(self, context: Context, state: State) -> None:
+        before = self._remembered(context)
+        is_live = self._live_push.HasValue(context)
+        if not (is_live or any(before[:-3:3])):
+            return  # all pushes are over
+        rows = [before[i : i + 3] for i in range(0, len(before) - 3, 3)]
+        live = before[-3:]
+        waits = any(row[0] < 0.0 for row in rows)
         walking_state = self._walking(context) if waits else None
         soon = context.get_time() + 2.0 * TIME_TOLERANCE
-        near = (rows[:, 0] > 0.0) | (self._not_before <= soon)
-        for i in np.flatnonzero(near & (rows[:, 0] != 0.0)).tolist():
-            if rows[i, 0] > 0.0:
-                rows[i, 0] -= 1.0
-            else:
-                self._await(context, walking_state, i=i, row=rows[i])
-        if self._live_push.HasValue(context):
-            self._take_live(context, live, rows[-1])
-        state.get_mutable_discrete_state(self._state).set_value(
-            [*rows.ravel(), *live]
-        )
+        for i, row in enumerate(rows):
+            if row[0] > 0.0:
+                row[0] -= 1.0
+            elif row[0] < 0.0 and self._not_before[i] <= soon:
+                self._await(context, walking_state, i=i, row=row)
+        if is_live:
+            self._take_live(context, live=live, row=rows[-1])
+        memory = [*itertools.chain(*rows), *live]
+        if memory != before:
+            self._remember(state, rows=rows, live=live)
 
-    def _take_live(self, context: Context, live: Array, row: Array) -> None:
+    def _remember(
+        self, state: State, rows: list[list[float]], live: list[float]
+    ) -> None:
+        """Sets the state: its memory, and the outputs that follow from it."""
+        active = self._active(rows, live_ticks=round(live[2]))
+        values: Any = state.get_mutable_discrete_state()
+        values.set_value(self._memory, [*itertools.chain(*rows), *live])
+        values.set_value(
+            self._force, sum((force for *_, force in active), np.zeros(3))
+        )
+        values.set_value(self._signal, self._told(active, rows, live))
+        if self._applies:
+            spatial: Any = state.get_mutable_abstract_state()
+            spatial.get_mutable_value(self._spatial).set_value(
+                [self._applied(i, force) for i, _, force in active]
+            )
+
+    def _take_live(
+        self, context: Context, live: list[float], row: list[float]
+    ) -> None:
         """Updates the state of the live pushes, and the `row` of the last."""
         command: Any = self._live_push.Eval(context)
         if not np.isfinite(command).all():
@@ -221,7 +239,7 @@ class PushSource(LeafSystem):
         live[0] = count
 
     def _await(
-        self, context: Context, walking_state: Any, i: int, row: Array
+        self, context: Context, walking_state: Any, i: int, row: list[float]
     ) -> None:
         """Updates the state `row` of push `i`, which has not begun."""
         push = self._pushes[i]
@@ -241,48 +259,47 @@ class PushSource(LeafSystem):
                 newtons,
             )
 
-    def _calc_active(
-        self, context: Context, _: object
+    def _active(
+        self, rows: list[list[float]], live_ticks: int
     ) -> list[tuple[int, int, Array]]:
         """Index, ticks passed and force (3,) [N] in W of the active pushes."""
         active: list[tuple[int, int, Array]] = []
-        rows = self._rows(context)
-        if not (rows[:, 0] > 0.0).any():
-            return active
         # The last push is the live one.
-        shares = [*self._shares, np.ones(round(self._live(context)[2]))]
-        for i, (left, heading, newtons) in enumerate(rows.tolist()):
+        shares = [*self._shares, np.ones(live_ticks)]
+        for i, (left, heading, newtons) in enumerate(rows):
             if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
                 passed = len(shares[i]) - round(left)
                 along = np.array([math.cos(heading), math.sin(heading), 0.0])
                 active.append((i, passed, newtons * shares[i][passed] * along))
         return active
 
-    def _calc_force(self, context: Context) -> Any:
-        active = self._active.Eval(context)
-        return sum((force for *_, force in active), np.zeros(3))
-
-    def _calc_signal(self, context: Context) -> list[float]:
-        number, delta_v, force = 0, 0.0, np.zeros(3)
-        rows = self._rows(context)
-        active = self._active.Eval(context)
+    def _told(
+        self,
+        active: list[tuple[int, int, Array]],
+        rows: list[list[float]],
+        live: list[float],
+    ) -> list[float]:
+        """The entries of the PushSignal."""
+        number, delta_v, force = 0.0, 0.0, np.zeros(3)
         if active:
             i, _, force = min(active, key=lambda push: (push[1], -push[0]))
-            _, count, ticks = self._live(context)
+            _, count, ticks = live
             is_live = i == len(self._pushes)
             number = i + (count if is_live else 1)
             effective = ticks * self.period if is_live else self._effective[i]
-            delta_v = rows[i, 2] * effective / self._mass
-        return [number, delta_v, *force, np.count_nonzero(rows[:-1, 0])]
+            delta_v = rows[i][2] * effective / self._mass
+        waiting = sum(row[0] != 0.0 for row in rows[:-1])
+        return [number, delta_v, *force, waiting]
 
-    def _calc_spatial(self, context: Any, output: Any) -> None:
-        forces = []
-        for i, _, f_W in self._active.Eval(context):
-            applied = ExternallyAppliedSpatialForce()
-            applied.body_index, applied.p_BoBq_B = self._bodies[i]
-            applied.F_Bq_W = SpatialForce(tau=cast(Any, np.zeros(3)), f=f_W)
-            forces.append(applied)
-        output.set_value(forces)
+    def _applied(self, i: int, f_W: Array) -> ExternallyAppliedSpatialForce:
+        """The force of push `i` on its body."""
+        applied = ExternallyAppliedSpatialForce()
+        body_index, p_BoBq_B = self._bodies[i]
+        applied.body_index, applied.p_BoBq_B = body_index, cast(Any, p_BoBq_B)
+        applied.F_Bq_W = SpatialForce(
+            tau=cast(Any, np.zeros(3)), f=cast(Any, f_W)
+        )
+        return applied
 
 
 class ContactClock(LeafSystem):

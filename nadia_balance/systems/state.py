@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import lag_share
 from nadia_balance.core.math.arrays import Array
@@ -16,14 +16,14 @@ from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.kinematics import WholeBodyKinematics
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import (
+    Block,
     declare_output,
     declare_scratch,
     input_port,
 )
-from nadia_balance.systems.signals import ComState
 
 
-class StatePredictor(LeafSystem):
+class StatePredictor(Block):
     """Predicts the state over the delay behind it and the lag ahead of it.
 
     Over the `delay` of the measurement (a Smith predictor), in steps of the
@@ -64,11 +64,10 @@ class StatePredictor(LeafSystem):
     ) -> None:
         super().__init__()
         self._period, self._lead = period, lead
-        self._plant = plant = robot.control_plant()
+        plant = robot.control_plant()
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
         num_states = plant.num_multibody_states()
         self._state = input_port(self, "estimated_state", num_states)
-        self._scratch: Any = declare_scratch(self, plant)
         self._periods = whole_ticks("delay", delay, period)
         if self._periods:
             self._commanded = input_port(
@@ -107,7 +106,8 @@ class StatePredictor(LeafSystem):
         )
 
     def _calc_state(self, context: Context, output: Any) -> None:
-        q, v = np.split(self._state(context), [self._nq])
+        state = self._state(context)
+        q, v = state[: self._nq], state[self._nq :]
         if not q[0] and not q[:4].any():
             raise self._state.error(context, "has the quaternion 0")
         if self._periods:
@@ -116,22 +116,40 @@ class StatePredictor(LeafSystem):
             for acceleration in self._accelerations(context)[:0:-1]:
                 displacement += h * (v + 0.5 * h * acceleration)
                 v = v + h * acceleration
-            q = self._moved(context, q, v=displacement, time=1.0)
+            q = moved(q, displacement, time=1.0)
         if self._lead:
-            q = self._moved(context, q, v=v, time=self._lead)
+            q = moved(q, v, time=self._lead)
         output.SetFromVector(np.concatenate((q, v)))
 
-    def _moved(self, context: Context, q: Array, v: Array, time: float) -> Any:
-        """Positions (nq,) after `time` [s] from `q` at the velocity `v`."""
-        plant: Any = self._plant
-        plant_context = self._scratch.Eval(context)
-        plant.SetPositions(plant_context, q)
-        q = q + time * plant.MapVelocityToQDot(plant_context, v)
-        q[:4] /= math.hypot(*q[:4].tolist())
-        return q
+
+def moved(q: Array, v: Array, time: float) -> Array:
+    """Positions after a time at a constant velocity: q + qdot time.
+
+    The base's quaternion p has the rate L(p / 2) w, w its angular velocity; it
+    is normalized.  All other rates are velocities.
+
+    Args:
+        q: positions [p, ...] (nq,).
+        v: velocities [w, ...] (nv,).
+        time: the time [s].
+
+    Returns:
+        The positions (nq,).
+    """
+    w, x, y, z = q[:4].tolist()
+    wx, wy, wz = (0.5 * v[:3]).tolist()
+    w, x, y, z = (
+        w + time * (-x * wx - y * wy - z * wz),
+        x + time * (w * wx + z * wy - y * wz),
+        y + time * (-z * wx + w * wy + x * wz),
+        z + time * (y * wx - x * wy + w * wz),
+    )
+    norm = math.hypot(w, x, y, z)
+    quaternion = (w / norm, x / norm, y / norm, z / norm)
+    return np.concatenate((quaternion, q[4:] + time * v[3:]))
 
 
-class CentroidalEstimator(LeafSystem):
+class CentroidalEstimator(Block):
     """Computes dynamics terms; from them CoM, ICP and foot poses.
 
     Three ideas in one block, as all follow from one pass over the links:
@@ -213,19 +231,15 @@ class CentroidalEstimator(LeafSystem):
         return terms._replace(avoidance=self._avoidance.calc(plant_context))
 
     def _calc_icp(self, context: Context) -> Array:
-        com = ComState(self._terms.Eval(context).com_state)
-        return icp(com.position[:2], com.velocity[:2], self._omega)
+        com_state = self._terms.Eval(context).com_state
+        return icp(com_state[:2], com_state[3:5], self._omega)
 
     def _calc_alip_icp(self, context: Context) -> Array:
         terms = self._terms.Eval(context)
-        com = ComState(terms.com_state)
-        return icp(
-            com.position[:2],
-            alip_velocity(
-                com.velocity[:2], terms.angular_momentum, self._height
-            ),
-            self._omega,
+        velocity = alip_velocity(
+            terms.com_state[3:5], terms.angular_momentum, self._height
         )
+        return icp(terms.com_state[:2], velocity, self._omega)
 
 
 def foot_poses(terms: WholeBodyTerms) -> FootPoses:

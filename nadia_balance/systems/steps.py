@@ -1,8 +1,8 @@
 """Where the next foot goes, and how: its foothold, and its motion."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import edges_on_way
@@ -25,21 +25,30 @@ from nadia_balance.core.steps.swing_foot import (
     SwingFootParams,
     as_reference,
 )
-from nadia_balance.core.walking.mechanisms import USUAL
-from nadia_balance.core.walking.state import Adjustment, Phase
+from nadia_balance.core.walking.mechanisms import USUAL, Mechanisms
+from nadia_balance.core.walking.state import Adjustment, Phase, WalkingState
 from nadia_balance.parameters.bounds import check
 from nadia_balance.systems.ports import (
+    Block,
     declare_cache,
     declare_outcome,
     declare_output,
-    declare_plan,
     input_port,
+    once_per_schedule,
     optional_input,
 )
 from nadia_balance.systems.signals import SwingFootReference, size
 
 
-class CaptureRegionStepAdjuster(LeafSystem):
+class _Tick(NamedTuple):
+    """What the outputs of a CaptureRegionStepAdjuster follow from."""
+
+    state: WalkingState
+    on: Mechanisms
+    landing: Landing | None  # None outside of a swing
+
+
+class CaptureRegionStepAdjuster(Block):
     """Computes the swing foot's foothold from capture regions.
 
     Nadia paper, Sec. IV and V.  Without `foot_poses` the time that the foot
@@ -77,23 +86,20 @@ class CaptureRegionStepAdjuster(LeafSystem):
         self._time = optional_input(self, "time_adjustment", default=(0.0, 0.0))
         self._feet = optional_input(self, "foot_poses")
         self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
-        self._landing: Any = declare_cache(self, "landing", self._calc_landing)
+        self._tick: Any = declare_cache(self, "tick", self._calc_tick)
         self._adjustment: Any = declare_output(
-            self, "adjustment", self._calc_adjustment, needs=[self._landing]
+            self, "adjustment", self._calc_adjustment, needs=[self._tick]
         )
         declare_output(
-            self, "capture_regions", self._calc_regions, needs=[self._landing]
+            self, "capture_regions", self._calc_regions, needs=[self._tick]
         )
 
-    def _calc_landing(
-        self, context: Context, last: Landing | None
-    ) -> Landing | None:
-        """The Landing of this tick; None outside of a swing."""
+    def _calc_tick(self, context: Context, last: _Tick | None) -> _Tick:
         state = self._walking(context)
         mechanisms = self._mechanisms(context)
         if state.schedule.phase is not Phase.SWING:
-            return None
-        geometry = last.geometry if last else None
+            return _Tick(state, mechanisms, None)
+        geometry = last.landing.geometry if last and last.landing else None
         if geometry is None or geometry.key != geometry_key(
             state.schedule, mechanisms
         ):
@@ -101,7 +107,7 @@ class CaptureRegionStepAdjuster(LeafSystem):
                 state.schedule, self._params, model=self._model, on=mechanisms
             )
         feet = self._feet(context) if mechanisms.swing else None
-        return Landing(
+        landing = Landing(
             geometry,
             icp=self._icp(context),
             touchdown=touchdown_interval(
@@ -109,31 +115,29 @@ class CaptureRegionStepAdjuster(LeafSystem):
             ),
             foot=None if feet is None else feet[geometry.swing].p_WF[:2],
         )
+        return _Tick(state, mechanisms, landing)
 
     def _calc_adjustment(self, context: Context) -> Adjustment | None:
-        if not self._mechanisms(context).step:
+        state, on, landing = self._tick.Eval(context)
+        if not on.step:
             return None
-        state = self._walking(context)
-        landing = self._landing.Eval(context)
-        if not landing:
+        if landing is None:
             return unadjusted(state.schedule)
         return propose_adjustment(
             state, landing, params=self._params, period=self._period
         )
 
     def _calc_regions(self, context: Context) -> CaptureRegions:
-        landing = self._landing.Eval(context)
-        if not landing:
+        state, _, landing = self._tick.Eval(context)
+        if landing is None:
             return CaptureRegions()
         # While `step` is off, the previous adjustment holds.
         return capture_regions(
-            landing,
-            self._adjustment.Eval(context)
-            or current_adjustment(self._walking(context)),
+            landing, self._adjustment.Eval(context) or current_adjustment(state)
         )
 
 
-class SwingFootPlanner(LeafSystem):
+class SwingFootPlanner(Block):
     """Computes the swing foot's reference, continued from its last value.
 
     The reference clears the edges of uneven ground that the model contains.
@@ -165,12 +169,10 @@ class SwingFootPlanner(LeafSystem):
         check(params)
         self._foot = SwingFoot(params, model, period, lead=lead)
         self._walking = input_port(self, "walking_state")
-        self._edges: Any = declare_plan(
-            self,
-            self._walking,
+        self._edges = once_per_schedule(
             lambda state: edges_on_way(
                 state.schedule, model.ground, params.clearance
-            ),
+            )
         )
         # The initial state is not used: the first swing begins at the pose of
         # the standing foot.
@@ -183,9 +185,8 @@ class SwingFootPlanner(LeafSystem):
         )
 
     def _calc(self, context: Context, last: dict[str, Any]) -> tuple[Any, ...]:
+        state = self._walking(context)
         motion, ahead = self._foot.motion(
-            last["motion"].reshape(3, 4),
-            self._walking(context),
-            edges=self._edges.Eval(context)[1],
+            last["motion"].reshape(3, 4), state, edges=self._edges(state)
         )
         return as_reference(ahead, self._foot.lead), motion.ravel()

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any, cast
 
 import numpy as np
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
@@ -19,17 +19,18 @@ from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import (
+    Block,
     declare_outcome,
     declare_output,
     input_port,
     optional_input,
 )
-from nadia_balance.systems.signals import QpStatus, size
+from nadia_balance.systems.signals import QpStatus, SwingFootReference, size
 
 GIVES_UP_AFTER = 0.05  # uninterrupted time without a solution [s]
 
 
-class WholeBodyInverseDynamics(LeafSystem):
+class WholeBodyInverseDynamics(Block):
     """Computes joint torques by the whole-body QP once a tick and holds them.
 
     `friction` is by default that of the parameters; `actuation` [N m] is in the
@@ -78,7 +79,9 @@ class WholeBodyInverseDynamics(LeafSystem):
         self._joint_of_actuator = actuated_velocities(plant) - 6
         self._terms = input_port(self, "whole_body_terms")
         self._momentum_rate = input_port(self, "momentum_rate")
-        self._swing = input_port(self, "swing_foot_reference")
+        self._swing = input_port(
+            self, "swing_foot_reference", size(SwingFootReference)
+        )
         self._walking = input_port(self, "walking_state")
         self._friction = optional_input(
             self, "friction", default=[params.friction]
@@ -107,7 +110,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         command = whole_body_command(
             self._walking(context),
             momentum_rate=self._momentum_rate(context),
-            swing=self._swing(context)[:],
+            swing=self._swing(context),
             friction=float(self._friction(context)[0]),
             params=self._params,
             model=self._model,
@@ -157,7 +160,7 @@ class WholeBodyInverseDynamics(LeafSystem):
         return np.asarray(icp - reference.icp)
 
 
-class FrictionEstimator(LeafSystem):
+class FrictionEstimator(Block):
     """Lowers the friction coefficient when a loaded sole slips.
 
     `foot_wrenches` are the commanded ones of this tick; `friction` is one tick

@@ -102,6 +102,26 @@ def measured_wrench(results: mbp.ContactResults, body, p_WF) -> np.ndarray:
     return total
 
 
+@pytest.mark.parametrize("height", [0.3, 0.9])
+def test_what_touches_is_seen_in_the_shapes_alone(height):
+    """Oracle: Drake's contact results, in postures at random."""
+    diagram = runs.diagram_of(STANDS[0])
+    plant, robot, several = diagram.plant, diagram.robot, set()
+    root = diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(root)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        q = robot.standing_positions()
+        q[7:] += rng.uniform(-1.0, 1.0, q.size - 7)
+        q[6] = height
+        plant.SetPositions(own, q)
+        results = plant.get_contact_results_output_port().Eval(own)
+        improper = robot.improper_contacts(plant, results)
+        assert diagram.improper_contacts(root) == improper
+        several |= improper
+    assert len(several) > 1
+
+
 def test_walks_where_it_is_told():
     """Oracle: the footholds, and the bars: 2 cm beside them, 5 mm of slip."""
     found = runs.simulated(WALK).summary

@@ -18,7 +18,7 @@ from nadia_balance.robot import collision_avoidance
 from nadia_balance.robot.collision_avoidance import CollisionAvoidance
 from nadia_balance.robot.model import RobotModel, load_robot, load_robot_params
 from tests import whole_body_examples as examples
-from tests.core.whole_body.test_collision_avoidance import brute_force
+from tests.core.math.test_segments import brute_force
 
 ElementTree.register_namespace("drake", "http://drake.mit.edu")
 PARAMS = CollisionAvoidanceParams()

@@ -1,11 +1,16 @@
 """Oracles: what goes in is what is handed out; error messages."""
 
+from dataclasses import replace
+
 import pytest
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.plan.gait import Gait, walking_start
 from nadia_balance.core.walking.state import FootPose, Footstep, Side
 from nadia_balance.systems import ports
 from tests.blocks import asked, fix
+from tests.example_walks import MODEL
 
 POSE = FootPose([1.0, 2.0, 3.0], 0.5)
 
@@ -53,3 +58,41 @@ def test_a_port_with_a_default_may_stay_open():
     fix(sink, context, maybe=Side.LEFT)
     with pytest.raises(TypeError, match="'maybe' got a Side, needs a FootPose"):
         pose(context)
+
+
+@pytest.mark.parametrize("base", [LeafSystem, ports.Block])
+def test_a_simulator_asks_no_block_for_witness_functions(base):
+    """Oracle: Python's __getattr__, which sees what is not found.
+
+    A LeafSystem of Drake is asked in each step; once it is not, Block may go.
+    """
+    missed = []
+
+    class Asked(base):
+        def __getattr__(self, name):
+            missed.append(name)
+            raise AttributeError(name)
+
+    simulator = Simulator(Asked())
+    simulator.Initialize()
+    for time in 0.1, 0.2, 0.3:
+        simulator.AdvanceTo(time)
+    asked_for = set() if base is ports.Block else {"DoGetWitnessFunctions"}
+    assert set(missed) == asked_for
+
+
+def test_a_plan_is_computed_once_for_each_schedule():
+    """Oracle: a count of the calls; other schedules, and the first again."""
+    calls = []
+
+    def calc(state):
+        calls.append(state.schedule)
+        return len(calls)
+
+    plan = ports.once_per_schedule(calc)
+    state = walking_start(Gait(), MODEL)
+    later = replace(state, time_in_phase=0.1)
+    other = replace(state, schedule=replace(state.schedule, duration=2.0))
+    states = state, later, other, other, later
+    assert list(map(plan, states)) == [1, 1, 2, 2, 3]
+    assert calls == [state.schedule, other.schedule, state.schedule]

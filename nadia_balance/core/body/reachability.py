@@ -7,9 +7,9 @@ the sole frame of the stance foot; x forward, y toward the swing side.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.polygon import closest_point as closest_point
 from nadia_balance.core.math.polygon import convex_hull, intersection
 from nadia_balance.core.walking.state import FootPose, Side
 from nadia_balance.parameters.bounds import bounded, parameters
@@ -17,7 +17,6 @@ from nadia_balance.parameters.bounds import bounded, parameters
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 
 _ROUNDING = 1e-9  # on the edge of the base region [-], [m]
-_COMPLEX = np.array([1.0, 1.0j])
 
 
 @parameters
@@ -257,36 +256,3 @@ def distance_between(polygon: Array, other: Array) -> float:
     if len(intersection(polygon, other)):
         return 0.0
     return closest_point(polygon, other)[1]
-
-
-def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:
-    """Minimises |p - q| subject to p in a polygon, q in another one.
-
-    The convex polygons must be disjoint.  One end of the gap is a vertex, so
-    the vertices of each are projected onto all edges of the other.
-
-    Args:
-        polygon: vertices (n, 2) [m].
-        other: vertices (k, 2) [m].
-
-    Returns:
-        The point p (2,) [m], and the gap [m].
-    """
-    # As complex numbers, the scalar product with the edge is one product.
-    p, q = polygon @ _COMPLEX, other @ _COMPLEX
-    i, _, to_other = _closest_vertex(p, q)
-    _, foot, to_polygon = _closest_vertex(q, p)
-    z = p[i] if to_other <= to_polygon else foot
-    return np.array([z.real, z.imag]), min(to_other, to_polygon)
-
-
-def _closest_vertex(
-    vertices: NDArray[np.complex128], polygon: NDArray[np.complex128]
-) -> tuple[int, complex, float]:
-    """Returns the closest vertex' index, its projection, and the gap."""
-    edges = np.concatenate([polygon[1:], polygon[:1]]) - polygon
-    apart = vertices[:, None] - polygon
-    apart -= np.minimum(np.maximum((apart / edges).real, 0.0), 1.0) * edges
-    gaps = np.abs(apart)
-    i, k = divmod(int(gaps.argmin()), len(polygon))
-    return i, complex(vertices[i] - apart[i, k]), float(gaps[i, k])

@@ -4,6 +4,7 @@ A foothold beside the stance foot or across it is reached past its front or
 its back; the swing leg never passes the far side.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -29,7 +30,7 @@ PEAK = 2.0
 # Remaining time of a foot at full speed half-way, over the time from rest [-].
 UNDER_WAY = math.sqrt(0.5)
 
-_AT_REST = np.zeros(2)
+_AT_REST = (0.0, 0.0)
 _TINY = 1e-9  # a shorter path has no direction: all speed is along it [m]
 _PARTS = 40  # intervals of the path, at whose ends the ground is evaluated
 _BESIDE = 0.01  # lateral tolerance of the foot on its path [m]
@@ -136,8 +137,16 @@ class SwingDetourParams:
         Returns:
             Points (n, 2) in W [m], `start` and `goal` included.
         """
-        p = _beside(stance, swing, *start.tolist())
-        q = _beside(stance, swing, *goal.tolist())
+        return np.array(
+            self._way(start.tolist(), goal.tolist(), stance, swing=swing)
+        )
+
+    def _way(
+        self, start: Point, goal: Point, stance: FootPose, swing: Side
+    ) -> list[Point]:
+        """Returns the points of `way_round`."""
+        p = _beside(stance, swing, *start)
+        q = _beside(stance, swing, *goal)
         ahead = min(self._length(p), self._length(q))
         low, high = min(p[0], q[0]), max(p[0], q[0])
         corners = []
@@ -155,11 +164,14 @@ class SwingDetourParams:
                 break
             path.append(corner)
             left = [c for c in left if abs(c[0] - q[0]) < abs(corner[0] - q[0])]
-        passed = [(x, swing.sign * y) for x, y in path[1:]]
-        points = stance.to_world(np.array(passed)) if passed else ()
-        return np.array((start, *points, goal))
+        if len(path) == 1:
+            return [start, goal]
+        passed = np.array([(x, swing.sign * y) for x, y in path[1:]])
+        return [start, *stance.to_world(passed).tolist(), goal]
 
-    def shortest_time(self, path: Array, velocity: Array = _AT_REST) -> float:
+    def shortest_time(
+        self, path: Array, velocity: Array | None = None
+    ) -> float:
         """The least time of the foot to the end of a path, where it rests.
 
         The foot accelerates and brakes; or brakes harder on the whole path; or,
@@ -167,14 +179,23 @@ class SwingDetourParams:
 
         Args:
             path: points (n, 2) [m].
-            velocity: at its begin (2,) [m/s].
+            velocity: at its begin (2,) [m/s]; None: at rest.
 
         Returns:
             Time [s].
         """
-        parts = (path[1:] - path[:-1]).tolist()
-        length = sum(math.hypot(*part) for part in parts)
-        (x, y), (vx, vy) = parts[0], velocity.tolist()
+        return self._shortest_time(
+            path.tolist(), _AT_REST if velocity is None else velocity.tolist()
+        )
+
+    def _shortest_time(self, path: list[Point], velocity: Point) -> float:
+        """Returns the `shortest_time` [s]."""
+        parts = [
+            (x1 - x0, y1 - y0)
+            for (x0, y0), (x1, y1) in itertools.pairwise(path)
+        ]
+        length = sum(math.hypot(x, y) for x, y in parts)
+        (x, y), (vx, vy) = parts[0], velocity
         v, d = math.hypot(vx, vy), math.hypot(x, y)
         if d > _TINY:
             v = max((x * vx + y * vy) / d, 0.0)
@@ -203,9 +224,8 @@ class SwingDetourParams:
         Returns:
             Time [s].
         """
-        return self.settling + self.shortest_time(
-            self.way_round(start, goal, stance=stance, swing=swing)
-        )
+        path = self._way(start.tolist(), goal.tolist(), stance, swing=swing)
+        return self.settling + self._shortest_time(path, _AT_REST)
 
     def _length(self, p: Point) -> float:
         """Returns `ahead`, or less if `p` is closer in front or behind."""

@@ -1,5 +1,6 @@
 """ICP feedback by ankles and hips, one quadratic program (Nadia, Sec. III)."""
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -10,6 +11,8 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, shrink
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.parameters.bounds import bounded, parameters
+
+_KEPT = 8  # limits: a foothold that moves changes none
 
 
 @parameters
@@ -116,7 +119,21 @@ def feedback_limits(
     Raises:
         ValueError: the margin leaves no area of the polygon.
     """
-    polygon = shrink(support, params.cop_safe_distance, "cop_safe_distance")
+    return _limits(
+        support.tobytes(),
+        heading,
+        margin=params.cop_safe_distance,
+        max_kappa=params.max_kappa,
+    )
+
+
+@functools.lru_cache(_KEPT)
+def _limits(
+    support: bytes, heading: float, margin: float, max_kappa: float
+) -> FeedbackLimits:
+    """Returns the `feedback_limits`, of the bytes of the support polygon."""
+    vertices = np.frombuffer(support).reshape(-1, 2)
+    polygon = shrink(vertices, margin, "cop_safe_distance")
     A, b = halfspaces(polygon)
     c, s = math.cos(heading), math.sin(heading)
     C = np.zeros((len(A) + 2, 4))
@@ -125,8 +142,8 @@ def feedback_limits(
     return FeedbackLimits(
         polygon,
         C,
-        lower=np.append(np.full(len(A), -np.inf), 2 * [-params.max_kappa]),
-        upper=np.append(b, 2 * [params.max_kappa]),
+        lower=np.append(np.full(len(A), -np.inf), 2 * [-max_kappa]),
+        upper=np.append(b, 2 * [max_kappa]),
     )
 
 
@@ -238,4 +255,5 @@ def momentum_rate(
         The linear momentum rate (3,) in W [N].
     """
     k = model.mass * model.omega**2
-    return np.append(k * (com - ecmp), model.mass * vertical_acceleration)
+    x, y = (k * (com - ecmp)).tolist()
+    return np.array((x, y, model.mass * vertical_acceleration))

@@ -165,7 +165,13 @@ class DaqpSolver(solvers.SolverInterface):
 
 
 def solve_arrays(
-    *, H: Array, g: Array, A: Array, lower: Array, upper: Array
+    *,
+    H: Array,
+    g: Array,
+    A: Array,
+    lower: Array,
+    upper: Array,
+    is_tentative: bool = False,
 ) -> tuple[Array, solvers.SolutionResult]:
     """Minimises 1/2 x'Hx + g'x subject to lower <= A x <= upper.
 
@@ -175,6 +181,8 @@ def solve_arrays(
         A: contiguous rows (m, n), finite.
         lower: (m,), equal to `upper` in rows that are equalities.
         upper: (m,).
+        is_tentative: what looks infeasible counts as that, although rounding
+            may look so, and is not solved a second time.
 
     Returns:
         The minimum x (n,), and its result; unless that is kSolutionFound, x is
@@ -189,7 +197,9 @@ def solve_arrays(
         raise ValueError("lower bound of the QP: must be < inf, not NaN")
     if upper.size and not upper[upper.argmin()] > -math.inf:
         raise ValueError("upper bound of the QP: must be > -inf, not NaN")
-    x, flag = _solution(H=H, g=g, A=A, lower=lower, upper=upper)
+    x, flag = _solution(
+        H=H, g=g, A=A, lower=lower, upper=upper, is_tentative=is_tentative
+    )
     result = _RESULTS.get(flag, solvers.SolutionResult.kSolverSpecificError)
     if result is not solvers.SolutionResult.kSolutionFound:
         x = np.full(g.size, np.nan)
@@ -259,7 +269,13 @@ def _size(H: Array, g: Array) -> float:
 
 
 def _solution(
-    *, H: Array, g: Array, A: Array, lower: Array, upper: Array
+    *,
+    H: Array,
+    g: Array,
+    A: Array,
+    lower: Array,
+    upper: Array,
+    is_tentative: bool,
 ) -> tuple[Array, int]:
     """Returns DAQP's x (n,), and its flag."""
     size = _size(H, g)
@@ -278,6 +294,8 @@ def _solution(
     x, _, flag, _ = daqp.solve(
         H=H.T, f=g, A=A, bupper=upper, blower=lower, primal_tol=_TOLERANCE
     )
+    if is_tentative and flag in _DOUBTFUL:
+        return x, _INFEASIBLE
     if flag not in _DOUBTFUL:
         return x, flag
     # With dependent rows and an ill-conditioned H, rounding may look like

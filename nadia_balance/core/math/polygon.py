@@ -1,26 +1,25 @@
 """Convex polygons in the plane: (n, 2) vertices [m], counter-clockwise.
 
-Plain Python loops, as they run in every control tick: at four vertices they
-take half of shapely's time.
+They run in every control tick: the loops are compiled, in geometry.c.  Their
+results are those of the same loops in Python to the last bit.  Decisions
+between candidates that are equal but for rounding do not depend on the
+processor, as those of numpy's matrix product and complex numbers do.
 """
 
+import ctypes
 import itertools
-import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.geometry import FLOAT, doubles, library, room
 
 Point = tuple[float, float]
 Halfspaces = tuple[Array, Array]  # A (k, 2), b (k,) with A p <= b
 
-# Tolerances, far below relevant sizes and far above rounding errors:
-_FLAT = 1e-12  # a triangle of half this area [m^2] is a line
-_COINCIDENT = 1e-9  # vertices closer than this [m] are one
-_PARALLEL = 1e-16  # edges with this cross product [m^2] have one direction
-
-_NOTHING = np.empty((0, 2))
+_POINT = 16  # bytes
 
 
 def as_array(points: list[Point]) -> Array:
@@ -39,7 +38,7 @@ def as_array(points: list[Point]) -> Array:
 
 
 def convex_hull(points: Array) -> Array:
-    """The convex hull of points.
+    """The convex hull of points, by Andrew's monotone chain.
 
     Args:
         points: points (n, 2) [m].
@@ -51,11 +50,17 @@ def convex_hull(points: Array) -> Array:
     Raises:
         ValueError: NaN or infinity.
     """
-    return as_array(hull([(x, y) for x, y in points.tolist()]))
+    data = doubles(points)
+    n = len(data) // _POINT
+    vertices = room(6 * n)
+    count = library.hull(data, n, vertices)
+    if count < 0:
+        raise ValueError(f"points = {points.tolist()}: must be finite")
+    return np.ndarray((count, 2), FLOAT, vertices)
 
 
 def hull(points: Iterable[Point]) -> list[Point]:
-    """The convex hull of few points, by Andrew's monotone chain.
+    """The convex hull of few points.
 
     Args:
         points: points [m].
@@ -66,41 +71,7 @@ def hull(points: Iterable[Point]) -> list[Point]:
     Raises:
         ValueError: NaN or infinity.
     """
-    ordered = sorted(set(points))
-    if not math.isfinite(sum(itertools.chain.from_iterable(ordered))):
-        raise ValueError(f"points = {ordered}: must be finite")
-    if len(ordered) < 3:
-        return ordered
-    vertices = _half_hull(ordered)[:-1] + _half_hull(reversed(ordered))[:-1]
-    if _area(vertices) > _FLAT:
-        return vertices
-    # A line up to rounding: its ends.
-    pairs = itertools.combinations(vertices, 2)
-    return list(max(pairs, key=lambda ends: math.dist(*ends)))
-
-
-def _half_hull(ordered: Iterable[Point]) -> list[Point]:
-    """Returns the right-hand boundary along the direction of `ordered`."""
-    chain: list[Point] = []
-    for x, y in ordered:
-        while len(chain) > 1:
-            (ax, ay), (bx, by) = chain[-2:]
-            ux, uy = bx - ax, by - ay
-            turn = ux * (y - ay) - uy * (x - ax)
-            # On a line that is vertical up to rounding, b may be beyond p.
-            if turn > _FLAT or (
-                turn > 0.0 and ux * (x - bx) + uy * (y - by) < 0.0
-            ):
-                break
-            chain.pop()
-        chain.append((x, y))
-    return chain
-
-
-def _edges(polygon: Array) -> Iterable[tuple[Point, Point]]:
-    """Returns the (start, end) pairs of all edges, in order."""
-    vertices: list[Point] = polygon.tolist()
-    return zip(vertices, vertices[1:] + vertices[:1], strict=True)
+    return [(x, y) for x, y in convex_hull(as_array(list(points))).tolist()]
 
 
 def halfspaces(polygon: Array) -> Halfspaces:
@@ -116,15 +87,20 @@ def halfspaces(polygon: Array) -> Halfspaces:
     Raises:
         ValueError: fewer than 3 vertices, so no interior.
     """
-    if len(polygon) < 3:
-        raise ValueError(f"{len(polygon)} vertices: a polygon needs 3 or more")
-    normals, offsets = [], []
-    for (x0, y0), (x1, y1) in _edges(polygon):
-        length = math.hypot(x1 - x0, y1 - y0)
-        nx, ny = (y1 - y0) / length, (x0 - x1) / length
-        normals.append((nx, ny))
-        offsets.append(nx * x0 + ny * y0)
-    return as_array(normals), np.array(offsets)
+    vertices = doubles(polygon)
+    n = _size(vertices, least=3)
+    result = room(3 * n)
+    library.halfspaces(vertices, n, result)
+    A: Array = np.ndarray((n, 2), FLOAT, result)
+    b: Array = np.ndarray(n, FLOAT, result, n * _POINT)
+    return A, b
+
+
+def _size(vertices: bytes, least: int = 1) -> int:
+    n = len(vertices) // _POINT
+    if n < least:
+        raise ValueError(f"{n} vertices: must be {least} or more")
+    return n
 
 
 def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
@@ -138,17 +114,10 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
     Returns:
         True if it is inside, or on an edge.
     """
-    if len(polygon) < 3:
-        return bool(
-            np.linalg.norm(point - project(point, polygon)) <= tolerance
-        )
-    x, y = float(point[0]), float(point[1])
-    for (ax, ay), (bx, by) in _edges(polygon):
-        ux, uy = bx - ax, by - ay
-        turn = ux * (y - ay) - uy * (x - ax)
-        if not turn >= -tolerance * math.hypot(ux, uy):
-            return False
-    return True
+    vertices = doubles(polygon)
+    n = _size(vertices)
+    limit = ctypes.c_double(tolerance)
+    return bool(library.contains(doubles(point), vertices, n, limit))
 
 
 def project(point: Array, polygon: Array) -> Array:
@@ -161,21 +130,30 @@ def project(point: Array, polygon: Array) -> Array:
     Returns:
         The closest point p (2,) [m].
     """
-    if len(polygon) > 2 and contains(point, polygon):
-        return point
-    p = (float(point[0]), float(point[1]))
-    candidates = [_project_on_segment(p, a, b) for a, b in _edges(polygon)]
-    return np.array(min(candidates, key=lambda c: math.dist(c, p)))
+    vertices = doubles(polygon)
+    result = room(2)
+    library.project(doubles(point), vertices, _size(vertices), result)
+    return np.ndarray(2, FLOAT, result)
 
 
-def _project_on_segment(p: Point, a: Point, b: Point) -> Point:
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    squared = dx * dx + dy * dy
-    if squared == 0.0:
-        return a
-    along = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / squared
-    along = min(max(along, 0.0), 1.0)
-    return a[0] + along * dx, a[1] + along * dy
+def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:
+    """Minimises |p - q| subject to p in a polygon, q in another one.
+
+    The convex polygons must be disjoint.  One end of the gap is a vertex, so
+    the vertices of each are projected onto all edges of the other.
+
+    Args:
+        polygon: vertices (n, 2) [m].
+        other: vertices (k, 2) [m].
+
+    Returns:
+        The point p (2,) [m], and the gap [m].
+    """
+    one, two = doubles(polygon), doubles(other)
+    n, k = _size(one), _size(two)
+    p = room(2)
+    gap: float = library.closest_point(one, n, two, k, p)
+    return np.ndarray(2, FLOAT, p), gap
 
 
 def centroid(polygon: Array) -> Array:
@@ -187,16 +165,10 @@ def centroid(polygon: Array) -> Array:
     Returns:
         Centroid (2,) [m]; the mean vertex if the area is 0.
     """
-    origin = polygon[0]
-    area, x, y = 0.0, 0.0, 0.0
-    for a, b in _edges(polygon - origin):
-        cross = a[0] * b[1] - a[1] * b[0]
-        area += cross
-        x += (a[0] + b[0]) * cross
-        y += (a[1] + b[1]) * cross
-    if area <= _FLAT:
-        return np.asarray(polygon.mean(axis=0))
-    return np.array([origin[0] + x / (3 * area), origin[1] + y / (3 * area)])
+    vertices = doubles(polygon)
+    result = room(2)
+    library.centroid(vertices, _size(vertices), result)
+    return np.ndarray(2, FLOAT, result)
 
 
 def area(polygon: Array) -> float:
@@ -208,39 +180,9 @@ def area(polygon: Array) -> float:
     Returns:
         Area [m^2]; 0 for fewer than three vertices.
     """
-    return _area(polygon.tolist())
-
-
-def _area(vertices: list[Point]) -> float:
-    if len(vertices) < 3:
-        return 0.0
-    (x0, y0), (x, y), *others = vertices
-    twice, ux, uy = 0.0, x - x0, y - y0
-    for x, y in others:
-        vx, vy = x - x0, y - y0
-        twice += ux * vy - uy * vx
-        ux, uy = vx, vy
-    return 0.5 * twice
-
-
-def _clip(
-    vertices: list[Point], nx: float, ny: float, offset: float
-) -> list[Point]:
-    """Returns the part with n . p <= offset (Sutherland-Hodgman clipping)."""
-    kept: list[Point] = []
-    if not vertices:
-        return kept
-    x0, y0 = vertices[-1]
-    over0 = nx * x0 + ny * y0 - offset
-    for x, y in vertices:
-        over = nx * x + ny * y - offset
-        if over0 * over < 0.0:
-            s = over0 / (over0 - over)
-            kept.append((x0 + s * (x - x0), y0 + s * (y - y0)))
-        if over <= 0.0:
-            kept.append((x, y))
-        x0, y0, over0 = x, y, over
-    return kept
+    vertices = doubles(polygon)
+    size: float = library.area(vertices, len(vertices) // _POINT)
+    return size
 
 
 def clip_all(polygon: Array, A: Array, b: Array) -> Array:
@@ -253,23 +195,25 @@ def clip_all(polygon: Array, A: Array, b: Array) -> Array:
 
     Returns:
         Vertices (m, 2) [m]; (0, 2) if no area is left.
+
+    Raises:
+        ValueError: not as many normals as offsets, or far from convex.
     """
-    excess = polygon @ A.T - b
-    if not len(polygon) or excess.min(axis=0).max() >= 0.0:
-        return _NOTHING
-    cutting = (excess.max(axis=0) > 0.0).nonzero()[0]
-    vertices = polygon.tolist()
-    for (nx, ny), offset in zip(
-        A[cutting].tolist(), b[cutting].tolist(), strict=True
-    ):
-        vertices = _clip(vertices, nx=nx, ny=ny, offset=offset)
-    # An edge between nearly coincident vertices would have no direction.
-    part = [
-        p
-        for p, q in zip(vertices, vertices[-1:] + vertices[:-1], strict=True)
-        if abs(p[0] - q[0]) + abs(p[1] - q[1]) > _COINCIDENT
-    ]
-    return as_array(part) if _area(part) > _FLAT else _NOTHING
+    vertices, normals, offsets = doubles(polygon), doubles(A), doubles(b)
+    n, k = len(vertices) // _POINT, len(normals) // _POINT
+    if 2 * len(offsets) != len(normals):
+        raise ValueError(f"{k} normals, {len(b)} offsets: must be as many")
+    limit = 2 * (n + k)
+    part = room(4 * limit)
+    return _part(
+        library.clip_all(vertices, n, normals, offsets, k, part, limit), part
+    )
+
+
+def _part(count: int, part: Any) -> Array:
+    if count < 0:
+        raise ValueError("polygon: must be convex")
+    return np.ndarray((count, 2), FLOAT, part)
 
 
 def intersection(first: Array, second: Array) -> Array:
@@ -282,7 +226,11 @@ def intersection(first: Array, second: Array) -> Array:
     Returns:
         Vertices (m, 2) [m]; (0, 2) if it has no area.
     """
-    return clip_all(first, *halfspaces(second))
+    one, other = doubles(first), doubles(second)
+    n, k = len(one) // _POINT, _size(other, least=3)
+    limit = 2 * (n + k)
+    part = room(4 * limit + 3 * k)
+    return _part(library.intersection(one, n, other, k, part, limit), part)
 
 
 def shrink(polygon: Array, distance: float, name: str = "distance") -> Array:
@@ -319,36 +267,8 @@ def minkowski_sum(first: Array, second: Array) -> Array:
     Returns:
         Vertices (m, 2) [m].
     """
-    total: list[Point] = []
-    others, edges = _from_lowest(first), _from_lowest(second)
-    j = 0
-    for ax, ay, ux, uy in others:
-        while j < len(edges):
-            bx, by, vx, vy = edges[j]
-            total.append((ax + bx, ay + by))
-            turn = ux * vy - uy * vx
-            if turn <= _PARALLEL:
-                j += 1
-            if turn >= -_PARALLEL:
-                break
-        else:  # the second polygon is complete
-            bx, by, *_ = edges[0]
-            total.append((ax + bx, ay + by))
-    ax, ay, *_ = others[0]
-    total += [(ax + bx, ay + by) for bx, by, _, _ in edges[j:]]
-    return as_array(total)
-
-
-def _from_lowest(polygon: Array) -> list[tuple[float, float, float, float]]:
-    """Returns vertices x, y [m] and vectors dx, dy [m] to the next ones.
-
-    They begin with the lowest vertex; of several, with the leftmost.
-    """
-    vertices: list[Point] = polygon.tolist()
-    upright = [(y, x) for x, y in vertices]
-    k = upright.index(min(upright))
-    starts = vertices[k:] + vertices[:k]
-    return [
-        (x, y, u - x, v - y)
-        for (x, y), (u, v) in zip(starts, starts[1:] + starts[:1], strict=True)
-    ]
+    one, other = doubles(first), doubles(second)
+    n, k = _size(one), _size(other)
+    total = room(2 * (n + k))
+    count = library.minkowski_sum(one, n, other, k, total)
+    return np.ndarray((count, 2), FLOAT, total)

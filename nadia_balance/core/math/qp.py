@@ -97,11 +97,13 @@ class DenseQp:
         for name in ("tol_gap_abs", "tol_gap_rel"):
             self._options.SetOption(solvers.ClarabelSolver.id(), name, 1e-10)
 
-    def solve(self, problem: QpProblem) -> QpResult:
+    def solve(self, problem: QpProblem, is_tentative: bool = False) -> QpResult:
         """Solves one problem.
 
         Args:
             problem: its cost and its rows.
+            is_tentative: it is not solved a second time, more carefully, where
+                it looks infeasible, as something else is done then.
 
         Returns:
             The minimum, or that there is none.
@@ -118,6 +120,7 @@ class DenseQp:
             A=problem.A,
             lower=problem.lower,
             upper=problem.upper,
+            is_tentative=is_tentative,
         )
         if result is solvers.SolutionResult.kSolutionFound:
             return QpResult(x, True, violation=problem.violation(x))

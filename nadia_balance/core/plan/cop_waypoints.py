@@ -2,13 +2,19 @@
 
 import functools
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import (
+    Point,
+    as_array,
     centroid,
     convex_hull,
     project,
@@ -25,7 +31,7 @@ from nadia_balance.core.walking.state import (
 from nadia_balance.parameters.bounds import bounded, parameters
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
-_KEPT = 64  # phases of each kind
+_KEPT = 64  # routes, and as many points and polygons
 REST_DURATION = 10.0  # [s]; long enough to count as infinite
 
 
@@ -123,23 +129,57 @@ class IcpPlanParams:
     )
 
 
+class _Phase(NamedTuple):
+    points: list[Point]  # CoPs [m] in W at the ends of the segments
+    shares: list[float]  # of the duration
+    duration: float  # [s]
+    feet: FootPoses  # soles in W
+    # The feet that bound each of the points, without those at rest.
+    carrying: Sequence[tuple[Side, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class CopRoute:
+    """The CoP from the begin of the present phase to rest, from any start.
+
+    Segment i ends in points[i] [m] in W, at the time ends[i] since the phase
+    began, and lasts durations[i] [s].
+    """
+
+    phases: list[_Phase]
+    points: list[Point]
+    durations: list[float]
+    ends: list[float]
+    stance: "Stance"
+
+    @cached_property
+    def supports(self) -> list[Array]:
+        """The polygons (n, 2) [m] in W that bound the first points.
+
+        These are the points up to the end of the next phase, without those at
+        rest.
+        """
+        return [
+            self.stance.support(phase.feet, sides)
+            for phase in self.phases[:2]
+            for sides in phase.carrying
+        ]
+
+
 @dataclass(frozen=True, eq=False)
 class CopWaypoints:
     """N linear CoP segments in W [m]."""
 
     points: Array  # (N + 1, 2), at which they meet
+    knots: Array  # (N + 1,), times of the points since the phase began [s]
     durations: Array  # (N,) [s]
-    start_time: float  # of the schedule [s]
-    # Polygons (n, 2), within the margin, that bound points[1], points[2], ...
-    # up to the end of the next phase, without the points at rest.
-    supports: list[Array]
+    route: CopRoute
+    passed: int  # number of its segments before the start
 
     @property
-    def knots(self) -> Array:
-        """Times (N + 1,) [s] of the points since the phase began."""
-        return np.asarray(
-            self.start_time + np.cumsum(np.append(0.0, self.durations))
-        )
+    def supports(self) -> list[Array]:
+        """Polygons (n, 2), within the margin, of points[1], points[2], ..."""
+        return self.route.supports[self.passed :]
 
 
 def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
@@ -160,51 +200,31 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
         ValueError: a swing without a footstep.
     """
     steps, final_transfer = schedule.preview(stance.params.num_previewed_steps)
-    feet = schedule.feet
-    phases = []
-    for i, step in enumerate(steps):
-        if i > 0 or schedule.phase is Phase.TRANSFER:
-            phases.append(stance.transfer(feet, step))
-        phases.append(stance.swing(feet, step))
-        feet = feet.with_foot(step.side, step.pose)
-    phases.append(stance.final_transfer(feet, final_transfer))
-    if math.isfinite(schedule.duration):  # overrides the footstep's
-        phases[0] = phases[0]._replace(duration=schedule.duration)
-    times = [
-        share * phase.duration for phase in phases for share in phase.shares
-    ]
-    durations = np.maximum([*times, REST_DURATION], _MIN_DURATION)
-    ends = np.cumsum(durations)
+    route = stance.route(
+        schedule.phase, schedule.duration, schedule.feet, steps, final_transfer
+    )
+    start_time = schedule.start_time
     passed = min(
-        int(np.searchsorted(ends, schedule.start_time, side="right")),
-        len(phases[0].shares) - 1,
+        bisect_right(route.ends, start_time), len(route.phases[0].shares) - 1
     )
-    points = [point for phase in phases for point in phase.points]
+    left = max(route.ends[passed] - start_time, _MIN_DURATION)
+    durations = [left, *route.durations[passed + 1 :]]
+    knots = [start_time + t for t in accumulate(durations, initial=0.0)]
+    x, y = schedule.start.cop.tolist()
     return CopWaypoints(
-        points=np.array([schedule.start.cop, *points[passed:], points[-1]]),
-        durations=np.append(
-            max(ends[passed] - schedule.start_time, _MIN_DURATION),
-            durations[passed + 1 :],
-        ),
-        start_time=schedule.start_time,
-        supports=[
-            support for phase in phases[:2] for support in phase.supports
-        ][passed:],
+        points=as_array([(x, y), *route.points[passed:]]),
+        knots=np.array(knots),
+        durations=np.array(durations),
+        route=route,
+        passed=passed,
     )
-
-
-class _Phase(NamedTuple):
-    points: list[Array]  # CoPs (2,) [m] in W at the ends of the segments
-    shares: list[float]  # of the duration
-    duration: float  # [s]
-    supports: list[Array]  # CoP polygons (n, 2) [m] in W of the points
 
 
 class Stance:
     """The segments of each phase, for feet on the ground.
 
-    The last phases are kept: those of a foothold that moves are asked for
-    several times, by the plan that is moved and by the one that follows it.
+    The last routes, points and polygons are kept: of a foothold that moves, the
+    plan that is moved asks for them, and the one that follows it.
     """
 
     def __init__(self, params: IcpPlanParams, sole: Array) -> None:
@@ -218,11 +238,59 @@ class Stance:
             ValueError: the margin leaves no area of the sole.
         """
         self.params, self.corners = params, sole
+        self._points = {
+            "entry": params.entry,
+            "ball": params.ball,
+            "exit": params.exit,
+        }
         self.centroid = centroid(sole)
         self.inner = shrink(sole, params.margin, "margin")
-        self.transfer = functools.lru_cache(_KEPT)(self._transfer)
-        self.swing = functools.lru_cache(_KEPT)(self._swing)
-        self.final_transfer = functools.lru_cache(_KEPT)(self._final_transfer)
+        self._toe = float(sole[:, 0].max())
+        self.route = functools.lru_cache(_KEPT)(self._route)
+        self.support = functools.lru_cache(_KEPT)(self._support)
+        self._cop = functools.lru_cache(_KEPT)(self._cop_of)
+
+    def _route(
+        self,
+        phase: Phase,
+        duration: float,
+        feet: FootPoses,
+        steps: tuple[Footstep, ...],
+        final_transfer: float,
+    ) -> CopRoute:
+        """The CoP through a phase and the steps, and to rest.
+
+        Args:
+            phase: present phase.
+            duration: of it; unless infinite, it overrides the footstep's [s].
+            feet: soles in W as the phase begins.
+            steps: steps to come.
+            final_transfer: duration of the transfer after them [s].
+
+        Returns:
+            The route.
+        """
+        phases = []
+        for i, step in enumerate(steps):
+            if i > 0 or phase is Phase.TRANSFER:
+                phases.append(self._transfer(feet, step))
+            phases.append(self._swing(feet, step))
+            feet = feet.with_foot(step.side, step.pose)
+        phases.append(self._final_transfer(feet, final_transfer))
+        if math.isfinite(duration):
+            phases[0] = phases[0]._replace(duration=duration)
+        points = [point for phase in phases for point in phase.points]
+        times = [
+            share * phase.duration for phase in phases for share in phase.shares
+        ]
+        durations = [max(t, _MIN_DURATION) for t in [*times, REST_DURATION]]
+        return CopRoute(
+            phases,
+            points=[*points, points[-1]],
+            durations=durations,
+            ends=list(accumulate(durations)),
+            stance=self,
+        )
 
     def _transfer(self, feet: FootPoses, step: Footstep) -> _Phase:
         """The CoP moves to exit + mid_weight (entry - exit), then to the entry.
@@ -234,14 +302,17 @@ class Stance:
         Returns:
             Two segments.
         """
-        p, trailing, leading = self.params, step.side, step.side.other
-        exit_ = self._cop(p.exit, trailing, feet[trailing], feet[leading])
-        entry = self._cop(p.entry, leading, feet[leading], feet[trailing])
+        trailing, leading = step.side, step.side.other
+        weight, split = self.params.mid_weight, self.params.transfer_split
+        x, y = self._cop("exit", trailing, feet[trailing], feet[leading])
+        entry = self._cop("entry", leading, feet[leading], feet[trailing])
+        mid = x + weight * (entry[0] - x), y + weight * (entry[1] - y)
         return _Phase(
-            points=[exit_ + p.mid_weight * (entry - exit_), entry],
-            shares=[p.transfer_split, 1.0 - p.transfer_split],
+            points=[mid, entry],
+            shares=[split, 1.0 - split],
             duration=step.transfer_duration,
-            supports=[self._support(feet, *Side), self._support(feet, leading)],
+            feet=feet,
+            carrying=[tuple(Side), (leading,)],
         )
 
     def _swing(self, feet: FootPoses, step: Footstep) -> _Phase:
@@ -254,15 +325,17 @@ class Stance:
         Returns:
             Three segments.
         """
-        p, side = self.params, step.side.other
-        ball = self._cop(p.ball, side, feet[side], step.pose)
-        exit_ = self._cop(p.exit, side, feet[side], step.pose)
-        shift, split = p.swing_shift_fraction, p.swing_split
+        side = step.side.other
+        ball = self._cop("ball", side, feet[side], step.pose)
+        exit_ = self._cop("exit", side, feet[side], step.pose)
+        shift = self.params.swing_shift_fraction
+        split = self.params.swing_split
         return _Phase(
             points=[ball, exit_, exit_],
             shares=[shift * split, shift * (1.0 - split), 1.0 - shift],
             duration=step.swing_duration,
-            supports=3 * [self._support(feet, side)],
+            feet=feet,
+            carrying=3 * [(side,)],
         )
 
     def _final_transfer(self, feet: FootPoses, duration: float) -> _Phase:
@@ -275,30 +348,30 @@ class Stance:
         Returns:
             Two segments, of which the first has a support.
         """
+        split = self.params.transfer_split
         left = feet.left.to_world(self.centroid)
-        mid = 0.5 * (left + feet.right.to_world(self.centroid))
+        x, y = (0.5 * (left + feet.right.to_world(self.centroid))).tolist()
         return _Phase(
-            points=[mid, mid],
-            shares=[
-                self.params.transfer_split,
-                1.0 - self.params.transfer_split,
-            ],
+            points=[(x, y), (x, y)],
+            shares=[split, 1.0 - split],
             duration=duration,
-            supports=[self._support(feet, *Side)],
+            feet=feet,
+            carrying=[tuple(Side)],
         )
 
-    def _support(self, feet: FootPoses, *sides: Side) -> Array:
+    def _support(self, feet: FootPoses, sides: tuple[Side, ...]) -> Array:
         """Returns the CoP polygon (n, 2) [m] in W for the feet of `sides`."""
         return convex_hull(
             np.concatenate([feet[side].to_world(self.inner) for side in sides])
         )
 
-    def _cop(
-        self, point: CopPointParams, side: Side, foot: FootPose, other: FootPose
-    ) -> Array:
-        return foot.to_world(
-            self.cop_point(point, side, self.step_length(foot, other))
-        )
+    def _cop_of(
+        self, name: str, side: Side, foot: FootPose, other: FootPose
+    ) -> Point:
+        """Returns the CoP point [m] in W of a `foot` that `other` leads."""
+        point, length = self._points[name], self.step_length(foot, other)
+        x, y = foot.to_world(self.cop_point(point, side, length)).tolist()
+        return x, y
 
     def step_length(self, foot: FootPose, other: FootPose) -> float:
         """Measures the step from toe to toe.
@@ -311,10 +384,12 @@ class Stance:
             The distance by which `other` leads, along `foot` [m].
         """
         c, s = math.cos(foot.yaw), math.sin(foot.yaw)
-        x, y, _ = other.p_WF - foot.p_WF
-        turn = other.yaw - foot.yaw
-        toes = self.corners @ np.array([math.cos(turn), -math.sin(turn)])
-        return float(c * x + s * y + toes.max() - self.corners[:, 0].max())
+        x, y, _ = (other.p_WF - foot.p_WF).tolist()
+        turn, toe = other.yaw - foot.yaw, self._toe
+        if turn:
+            toes = self.corners @ np.array([math.cos(turn), -math.sin(turn)])
+            toe = float(toes.max())
+        return float(c * x + s * y + toe - self._toe)
 
     def cop_point(
         self, params: CopPointParams, side: Side, step_length: float

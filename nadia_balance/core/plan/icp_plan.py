@@ -1,9 +1,11 @@
 """The ICP plan: ICP, CoM and CoP trajectories until the robot is at rest."""
 
+import functools
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate
 from typing import ClassVar
 
 import numpy as np
@@ -28,10 +30,12 @@ from nadia_balance.core.walking.state import (
 )
 
 _SWEEPS = 10  # projection sweeps over the shifted waypoints
-_LATER = 0.1  # weight of a waypoint's shift relative to the one before it [-]
+# Weights of the waypoints' shifts, each relative to the one before it [-].
+_WEIGHTS = (0.1 ** np.arange(5)).tolist()
 _LITTLE = 1e-4  # ICP residual that is applied without projection [m]
 _TINY = 1e-12  # least squared length of a divisor [m^2]
 _SAMPLES = 65  # samples of the ICP in a phase
+_KEPT = 8  # references of the last times
 
 
 def rows_at(t: float, duration: float, omega: float) -> Array:
@@ -140,18 +144,19 @@ def recursive_multipliers(knots: Array, t: float, omega: float) -> Array:
         The multipliers (N + 1,): they are >= 0, those of passed waypoints 0,
         and add up to 1.
     """
-    begin, end = np.maximum(knots[:-1], t), np.maximum(knots[1:], t)
-    passed = np.clip((t - knots[:-1]) / np.diff(knots), 0.0, 1.0)
+    first, last = knots[:-1], knots[1:]
+    begin, end = np.maximum(first, t), np.maximum(last, t)
+    passed = np.minimum(np.maximum((t - first) / (last - first), 0.0), 1.0)
     # A segment from e0 to e1 that lasts T, with d = e^(-w T), has
     # icp(0) = d icp(T) + (1 - d - b) e0 + b e1.
     x = omega * (end - begin)  # 0 for passed segments
     d = np.exp(-x)
     b = np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0) - d
     after = np.exp(-omega * (begin - t))  # decay from `t` to the segment
-    first = after * (1.0 - d - b)
+    of_first = after * (1.0 - d - b)
     multipliers = np.zeros(len(knots))
-    multipliers[:-1] += (1.0 - passed) * first
-    multipliers[1:] += passed * first + after * b
+    multipliers[:-1] += (1.0 - passed) * of_first
+    multipliers[1:] += passed * of_first + after * b
     multipliers[-1] += np.exp(-omega * (end[-1] - t))
     return multipliers
 
@@ -169,6 +174,10 @@ class IcpReference:
     com_velocity: Array
     cop: Array
     ecmp: Array
+
+    def __post_init__(self) -> None:
+        for array in vars(self).values():
+            array.flags.writeable = False
 
     def point(self) -> ReferencePoint:
         """Converts to the start of a plan that continues from here.
@@ -240,11 +249,11 @@ class IcpPlan(Immutable):
         Returns:
             The time dt until the plan is closest to `icp` [s].
         """
-        times, path = self.path
-        after = int(np.searchsorted(times, t, side="right"))
-        times = np.append(t, times[after:])
-        path = np.vstack([self.at(t).icp, path[after:]])
-        chords, offsets = np.diff(path, axis=0), icp - path[:-1]
+        # From the chord of now on, which begins with the ICP of now.
+        passed = int(np.searchsorted(self.path[0], t, side="right")) - 1
+        times, path = (samples[passed:].copy() for samples in self.path)
+        times[0], path[0] = t, self.at(t).icp
+        chords, offsets = path[1:] - path[:-1], icp - path[:-1]
         lengths2 = np.einsum("ij,ij->i", chords, chords)
         along = np.einsum("ij,ij->i", offsets, chords)
         shares = np.clip(along / np.maximum(lengths2, _TINY), 0.0, 1.0)
@@ -278,21 +287,7 @@ class IcpPlan(Immutable):
         Returns:
             The reference in W.
         """
-        first, w = self._knots[0], self.omega
-        t = min(max(t, first), self._knots[-1])
-        i, rows = self.rows(t)
-        com, icp, ecmp = rows @ self.coefficients[i]
-        velocity, wt = w * (icp - ecmp), w * (t - first)
-        fading = math.exp(-wt) * self.offset
-        icp, com = icp + fading, com + wt * fading
-        return IcpReference(
-            icp,
-            icp_velocity=velocity - w * fading,
-            com=com,
-            com_velocity=w * (icp - com),
-            cop=ecmp,
-            ecmp=ecmp,
-        )
+        return _solution(self, min(max(t, self._knots[0]), self._knots[-1]))
 
     def moved(
         self,
@@ -323,8 +318,13 @@ class IcpPlan(Immutable):
         if self.FOLLOWS_STEPS:
             return new
         stance = self.stance or Stance(IcpPlanParams(), model.cop_area)
-        before = _planned_icp(schedule, t, stance, model.omega)
-        shift = _planned_icp(new, t, stance, model.omega) - before
+        path = cop_waypoints(schedule, stance)
+        new_path = cop_waypoints(new, stance)
+        Gamma = recursive_multipliers(path.knots, t, model.omega)
+        before = Gamma @ path.points
+        if not np.array_equal(new_path.knots, path.knots):
+            Gamma = recursive_multipliers(new_path.knots, t, model.omega)
+        shift = Gamma @ new_path.points - before
         length2 = float(shift @ shift)
         along = float((icp - now.icp) @ shift)
         part = min(max(along, 0.0), length2) / max(length2, _TINY)
@@ -334,12 +334,29 @@ class IcpPlan(Immutable):
         )
 
 
-def _planned_icp(
-    schedule: ContactSchedule, t: float, stance: Stance, omega: float
-) -> Array:
-    """Returns the ICP (2,) [m] at `t` [s] that leads through `schedule`."""
-    path = cop_waypoints(schedule, stance)
-    return np.asarray(recursive_multipliers(path.knots, t, omega) @ path.points)
+@functools.lru_cache(_KEPT)
+def _solution(plan: IcpPlan, t: float) -> IcpReference:
+    """Returns the solution of Eq. 4 at a time within the `plan`.
+
+    The last ones are kept: several blocks ask for that of this tick.
+    """
+    i, rows = plan.rows(t)
+    com, icp, ecmp = rows @ plan.coefficients[i]
+    w = plan.omega
+    velocity = w * (icp - ecmp)
+    if plan.offset.any():
+        wt = w * (t - float(plan.knots[0]))
+        fading = math.exp(-wt) * plan.offset
+        icp, com = icp + fading, com + wt * fading
+        velocity -= w * fading
+    return IcpReference(
+        icp,
+        icp_velocity=velocity,
+        com=com,
+        com_velocity=w * (icp - com),
+        cop=ecmp,
+        ecmp=ecmp,
+    )
 
 
 def plan_icp(
@@ -398,23 +415,35 @@ def _bent(
     sum of squares, later ones less, and projected onto their supports.  The
     second result is the remaining ICP offset (2,) [m].
     """
-    ecmp = path.points.copy()
-    shares = recursive_multipliers(path.knots, path.start_time, omega)
-    left = icp_start - shares @ ecmp
-    bent = slice(1, len(path.supports) + 1)
-    pulls = _LATER ** np.arange(len(path.supports)) * shares[bent]
+    multipliers = recursive_multipliers(path.knots, float(path.knots[0]), omega)
+    left_x, left_y = (icp_start - multipliers @ path.points).tolist()
+    supports = path.supports
+    bent = slice(1, len(supports) + 1)
+    shares = multipliers[bent].tolist()
+    pulls = [
+        weight * share for weight, share in zip(_WEIGHTS, shares, strict=False)
+    ]
+    products = [pull * share for pull, share in zip(pulls, shares, strict=True)]
     # Sums over each waypoint and all later ones.
-    squares = np.cumsum((pulls * shares[bent])[::-1])[::-1]
+    squares = list(accumulate(reversed(products)))[::-1]
+    ecmp = path.points.copy()
+    points = ecmp[bent].tolist()
     for _ in range(_SWEEPS):
-        for i, support in enumerate(path.supports):
-            bend = pulls[i] / squares[i] * left
-            point = project(ecmp[i + 1] + bend, support)
-            left = left - shares[i + 1] * (point - ecmp[i + 1])
-            ecmp[i + 1] = point
-        if math.hypot(*left) < _LITTLE:
-            ecmp[bent] += np.outer(pulls / squares[0], left)
+        for i, support in enumerate(supports):
+            (x, y), ratio = points[i], pulls[i] / squares[i]
+            bend = np.array((x + ratio * left_x, y + ratio * left_y))
+            points[i] = project(bend, support).tolist()
+            left_x -= shares[i] * (points[i][0] - x)
+            left_y -= shares[i] * (points[i][1] - y)
+        if math.hypot(left_x, left_y) < _LITTLE:
+            ratios = [pull / squares[0] for pull in pulls]
+            ecmp[bent] = [
+                (x + ratio * left_x, y + ratio * left_y)
+                for (x, y), ratio in zip(points, ratios, strict=True)
+            ]
             return ecmp, np.zeros(2)
-    return ecmp, left
+    ecmp[bent] = points
+    return ecmp, np.array((left_x, left_y))
 
 
 def reference_of(plan: IcpPlan, state: WalkingState) -> IcpReference:

@@ -204,14 +204,15 @@ class Timing:
         else:
             return TimeAdjustment(now=0.0, in_all=0.0)
         error = icp - plan.at(state.time_in_phase).icp
-        hurried = math.hypot(*error) >= params.icp_error_threshold
+        hurried = math.hypot(*error.tolist()) >= params.icp_error_threshold
         least = params.min_transfer_duration - state.elapsed
         if swings and (hurried or abs(state.gained_time) > _NOTHING):
             foot = feet[state.schedule.support_side.other]
-            late = self.time_to_return(state, foot)
+            landing = self._time_to_foothold(state, foot)
+            late = self.time_to_return(state, foot, landing)
             if late > 0.0:
                 return TimeAdjustment(-late, -late)
-            least = self.least_remaining_time(state, foot, error)
+            least = self.least_remaining_time(state, foot, error, landing)
         available = state.remaining_time - max(least, 0.0)
         if not hurried or available <= 0.0:
             return TimeAdjustment(now=0.0, in_all=0.0)
@@ -244,7 +245,11 @@ class Timing:
         )
 
     def least_remaining_time(
-        self, state: WalkingState, foot: FootPose, error: Array
+        self,
+        state: WalkingState,
+        foot: FootPose,
+        error: Array,
+        landing: float | None = None,
     ) -> float:
         """The least time t in which the foot reaches its foothold, moved.
 
@@ -255,34 +260,41 @@ class Timing:
             state: walking state in a swing.
             foot: measured sole of the swing foot in W.
             error: ICP error (2,) in W [m].
+            landing: time from rest at `foot` to its foothold [s]; None: it is
+                computed.
 
         Returns:
             The lower bound on the remaining swing time by the clock [s]; that
             of the foothold as it is if the foot cannot reach the moved one
             within the remaining time.
         """
+        if landing is None:
+            landing = self._time_to_foothold(state, foot)
         least = max(
             self.params.least_rest_of_swing(
                 state.schedule.duration, state.elapsed
             ),
-            self._time_to_foothold(state, foot),
+            landing,
         )
         nominal = (
             state.adjustment.nominal
             if state.adjustment
             else state.schedule.footsteps[0]
         )
-        x, y = nominal.pose.p_WF[:2] - foot.p_WF[:2]
+        x, y, _ = (nominal.pose.p_WF - foot.p_WF).tolist()
+        error_x, error_y = error.tolist()
         room = max(state.remaining_time - least, 0.0)
         for i in range(_TIMES_TRIED):
             t = least + i / _TIMES_TRIED * room
             growth = math.exp(self.model.omega * t)
-            length = math.hypot(x + growth * error[0], y + growth * error[1])
+            length = math.hypot(x + growth * error_x, y + growth * error_y)
             if self.model.detour.time_from_rest(length) <= t:
                 return t
         return least
 
-    def time_to_return(self, state: WalkingState, foot: FootPose) -> float:
+    def time_to_return(
+        self, state: WalkingState, foot: FootPose, landing: float | None = None
+    ) -> float:
         """The time for which the clock must be held until the foot is back.
 
         The foothold may have moved away from the foot since the clock was
@@ -292,6 +304,7 @@ class Timing:
         Args:
             state: walking state in a swing.
             foot: measured sole of the swing foot in W.
+            landing: as for `least_remaining_time`.
 
         Returns:
             The time >= 0 [s].
@@ -299,8 +312,10 @@ class Timing:
         goal = state.schedule.footsteps[0].pose.p_WF
         if math.dist(foot.p_WF[:2], goal[:2]) < self.params.near_foothold:
             return 0.0
+        if landing is None:
+            landing = self._time_to_foothold(state, foot)
         late = (
-            UNDER_WAY * self._time_to_foothold(state, foot)
+            UNDER_WAY * landing
             - self.params.tolerated_delay
             - state.remaining_time
         )

@@ -260,8 +260,8 @@ class StateMachine:
         impulse = 0.0
         if swings and carries and elapsed >= params.earliest_touchdown * whole:
             impulse = state.contact_impulse + period * force
-        return replace(
-            state,
+        return WalkingState(
+            schedule,
             time_in_phase=time,
             elapsed=elapsed,
             waiting=done,
@@ -272,6 +272,8 @@ class StateMachine:
             ),
             contact_impulse=impulse,
             contact_time=state.contact_time + period if carries else 0.0,
+            steps_taken=state.steps_taken,
+            adjustment=state.adjustment,
         )
 
     def may_lift(
@@ -348,6 +350,8 @@ class StateMachine:
                 icp=icp,
                 model=self.model,
             )
+        elif adjustment == state.adjustment:
+            return state
         return replace(state, schedule=schedule, adjustment=adjustment)
 
     def _start_transfer(

@@ -4,6 +4,7 @@ Nadia paper, Sec. IV: footholds from which N or fewer steps recover.  All
 arguments of a function are in the same frame.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -38,6 +39,7 @@ from nadia_balance.parameters.bounds import bounded, parameters
 
 ROUNDING = 1e-6  # tolerance of a foothold on the edge of a region [m]
 _INWARD = -0.5  # y of a normal that points away from the swing side [-]
+_KEPT = 4  # robots, with and without cross-over
 _ORIGIN = np.zeros((1, 2))
 _AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
@@ -245,14 +247,31 @@ def later_steps(
     Returns:
         D_1, ..., D_N (n, 2) [m].
     """
-    regions = []
-    for n in range(len(reaches) + 1):
-        offsets = _ORIGIN
-        for k in reversed(range(n)):
-            offsets = contractions[k] * minkowski_sum(reaches[k], offsets)
-            offsets = convex_hull(np.concatenate([_ORIGIN, offsets]))
-        regions.append(offsets)
-    return regions
+    return [
+        captured_offsets(reaches[:n], contractions[:n])
+        for n in range(len(reaches) + 1)
+    ]
+
+
+def captured_offsets(
+    reaches: Sequence[Array], contractions: Sequence[float]
+) -> Array:
+    """The last set D_N of `later_steps`.
+
+    Args:
+        reaches: R_2, ..., R_N (k, 2) [m].
+        contractions: E_k [-].
+
+    Returns:
+        D_N (n, 2) [m].
+    """
+    offsets = _ORIGIN
+    for reach, contraction in zip(
+        reversed(reaches), reversed(contractions), strict=True
+    ):
+        offsets = contraction * minkowski_sum(reach, offsets)
+        offsets = convex_hull(np.concatenate([_ORIGIN, offsets]))
+    return offsets
 
 
 def capture_region(one_step: Array, offsets: Array) -> Array:
@@ -311,15 +330,25 @@ class SwingGeometry(Immutable):
         self.foot = in_world(
             params.usable_foot(model.cop_area), stance, step.side
         )
+        regions, total = _reach_of(model, on.cross_over)
         self.regions = {
             name: in_world(region, stance, step.side)
-            for name, region in step_regions(model.reach, on.cross_over).items()
+            for name, region in regions.items()
         }
         self.places = tuple(self._places(step.pose.yaw))
         steps = schedule.footsteps[: params.num_steps]
-        self.offsets = _offsets(steps, model, on, 1.0)
+        # Each foothold is the stance foot of the following step.
+        reaches = [
+            in_world(total, FootPose(yaw=one.pose.yaw), two.side)
+            for one, two in itertools.pairwise(steps)
+        ]
+        self.offsets = tuple(
+            later_steps(reaches, _contractions(steps, model.omega))
+        )
         share = params.later_duration if on.swing else 1.0
-        self._hurried = _offsets(steps, model, on, share)[-1]
+        self._hurried = captured_offsets(
+            reaches, _contractions(steps, share * model.omega)
+        )
         # A foothold p with A p < b is on, beside or across the stance foot.
         A, b = _stance_foot(stance, step, model.sole)
         self._blocking = A, b + max(params.sole_clearance, model.sole_clearance)
@@ -465,31 +494,29 @@ def geometry_key(
     )
 
 
-def _offsets(
-    steps: tuple[Footstep, ...],
-    model: PointMassModel,
-    on: Mechanisms,
-    share: float,
-) -> tuple[Array, ...]:
-    """Returns D_1, ..., D_N in W of N `steps`, transfers included.
+@functools.lru_cache(_KEPT)
+def _reach_of(
+    model: PointMassModel, cross_over: bool
+) -> tuple[dict[str, Array], Array]:
+    """Returns the regions of a step by name, and the hull of all.
 
-    Each foothold is the stance foot of the following step, whose reach is about
-    it.  Later steps take `share` of their planned durations.
+    They are (n, 2) [m] in the sole frame of the stance foot.
     """
-    total = total_region(model.reach, on.cross_over)
-    rate = -share * model.omega
-    return tuple(
-        later_steps(
-            reaches=[
-                in_world(total, FootPose(yaw=step.pose.yaw), following.side)
-                for step, following in itertools.pairwise(steps)
-            ],
-            contractions=[
-                math.exp(rate * (step.transfer_duration + step.swing_duration))
-                for step in steps[1:]
-            ],
-        )
+    return (
+        step_regions(model.reach, cross_over),
+        total_region(model.reach, cross_over),
     )
+
+
+def _contractions(steps: tuple[Footstep, ...], rate: float) -> list[float]:
+    """Returns e^(-rate T) [-] of the steps after the first one.
+
+    T [s] is a step's duration, with its transfer.
+    """
+    return [
+        math.exp(-rate * (step.transfer_duration + step.swing_duration))
+        for step in steps[1:]
+    ]
 
 
 def _stance_foot(

@@ -27,6 +27,7 @@ STEP = 0.002  # spacing of the candidate times of a via point [s]
 # times, until the acceleration is at most PEAK times `max_acceleration` [-].
 _STRETCH, _STRETCHES = 1.1, 8
 _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the time
+_SHARES = _CHECKED[:, 0].tolist()  # the same
 
 _SINKING = 0.04  # horizon of the way to the touchdown velocity [s]
 _GENTLE = 2.0 / 3.0  # share of the largest deceleration in a planned descent
@@ -91,7 +92,9 @@ def at_rest(pose: FootPose) -> Array:
     Returns:
         Rows p, v, a of [x, y, z, yaw] in W (3, 4) [m, rad, s].
     """
-    return np.vstack(([*pose.p_WF, pose.yaw], np.zeros((2, 4))))
+    motion = np.zeros((3, 4))
+    motion[0, :YAW], motion[0, YAW] = pose.p_WF, pose.yaw
+    return motion
 
 
 def as_reference(motion: Array, lead: float) -> Array:
@@ -109,7 +112,9 @@ def as_reference(motion: Array, lead: float) -> Array:
     """
     now = motion.copy()
     now[1] -= lead * motion[2]
-    return np.append(now[:, :3], now[:, 3])
+    reference = np.empty(12)
+    reference[:9], reference[9:] = now[:, :YAW].ravel(), now[:, YAW]
+    return reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,12 +158,10 @@ class SwingFoot:
         if schedule.phase is not Phase.SWING or state.time_in_phase <= 0.0:
             resting = at_rest(schedule.feet[schedule.support_side.other])
             return resting, resting
-        end, horizon = self._course(previous, state, edges)
+        columns = _quintics(previous, *self._course(previous, state, edges))
         return (
-            quintic_at(previous, end, horizon=horizon, t=self.period),
-            quintic_at(
-                previous, end, horizon=horizon, t=self.period + self.lead
-            ),
+            _motion_at(columns, self.period),
+            _motion_at(columns, self.period + self.lead),
         )
 
     def _course(
@@ -269,7 +272,8 @@ class SwingFoot:
         The quintic follows `path` (n, 2) past its first corner, if possible
         with at most PEAK times `max_acceleration` on the whole path.
         """
-        end = np.vstack((path[-1], np.zeros((2, 2))))
+        end = np.zeros((3, 2))
+        end[0] = path[-1]
         needed = self.model.detour.shortest_time(path, start[1])
         left = max(left, needed)
         for _ in range(_STRETCHES):
@@ -278,12 +282,7 @@ class SwingFoot:
                 aim, t = _past(start, end, left=left, via=path[1])
             if left > _STRETCH**_STRETCHES * needed:
                 break
-            times = left * _CHECKED
-            a = quintic(start, aim, horizon=np.full(2, left), t=times)[2]
-            # Behind the corner, the fifth derivative is another.
-            late = np.maximum(times - t, 0.0)
-            a -= 20.0 * (aim[0] - end[0]) * late**3 / (left - t) ** 5
-            largest = np.max(np.hypot(a[:, 0], a[:, 1]))
+            largest = _largest_acceleration(start, aim, left, t=t, end=end)
             if largest <= PEAK * self.model.detour.max_acceleration:
                 break
             left *= _STRETCH
@@ -326,6 +325,26 @@ def _past(
     return end_beyond(start, end, horizon=left, via=via, t=t), t
 
 
+def _largest_acceleration(
+    start: Array, aim: Array, left: float, t: float, end: Array
+) -> float:
+    """Returns the largest acceleration [m/s^2] on the way from `start`.
+
+    Until the time `t` [s] of a corner it is the quintic to `aim` (3, 2); after
+    it, to `end` (3, 2), the fifth derivative is another.
+    """
+    x, y = _quintics(start, aim, np.full(2, left))
+    jump_x, jump_y = (20.0 * (aim[0] - end[0]) / (left - t) ** 5).tolist()
+    times = [share * left for share in _SHARES]
+    return max(
+        math.hypot(
+            _follow(x, time)[2] - jump_x * max(time - t, 0.0) ** 3,
+            _follow(y, time)[2] - jump_y * max(time - t, 0.0) ** 3,
+        )
+        for time in times
+    )
+
+
 def _over_edges(
     start: Array,
     end: Array,
@@ -364,40 +383,56 @@ def quintic(start: Array, end: Array, horizon: Array, t: Array) -> Array:
     Returns:
         Rows p, v, a (3, n), or (3, k, n) for k times [m, s].
     """
-    return np.array(_follow(start, end, horizon, t))
+    return np.array(_follow(_quintic(start, end, horizon), t))
 
 
-def quintic_at(start: Array, end: Array, horizon: Array, t: float) -> Array:
-    """The `quintic` at one time, six times as fast for few columns.
-
-    Args:
-        start: rows p, v, a at time 0 (3, n) [m, s].
-        end: rows p, v, a at the `horizon` (3, n) [m, s].
-        horizon: time from start to end of each column (n,) [s].
-        t: time > 0; columns whose horizon is before it are at their end [s].
-
-    Returns:
-        Rows p, v, a (3, n) [m, s].
-    """
-    columns = zip(
-        start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
-    )
-    return np.array([_follow(a, b, h=h, t=min(t, h)) for a, b, h in columns]).T
+# Horizon h and coefficients of p + v s + a s^2 + c3 s^3 + c4 s^4 + c5 s^5 with
+# s = t / h, as numbers or arrays.
+_Quintic = tuple[Any, Any, Any, Any, Any, Any, Any]
 
 
-def _follow(start: Any, end: Any, h: Any, t: Any) -> tuple[Any, Any, Any]:
-    """Returns p, v, a of the quintic, for numbers or arrays."""
+def _quintic(start: Any, end: Any, h: Any) -> _Quintic:
+    """Returns the quintic of p, v, a at both ends, for numbers or arrays."""
     (p, v, a0), (p1, v1, a1) = start, end
     v, a0, v1, a1 = v * h, a0 * h * h, v1 * h, a1 * h * h
     a = 0.5 * a0
     gap, dv, da = p1 - p - v - a, v1 - v - a0, a1 - a0
-    # p, v, a and c3 to c5 are the coefficients of the powers 0 to 5 of t / h.
     c3 = 10.0 * gap - 4.0 * dv + 0.5 * da
     c4 = -15.0 * gap + 7.0 * dv - da
     c5 = 6.0 * gap - 3.0 * dv + 0.5 * da
+    return h, p, v, a, c3, c4, c5
+
+
+def _quintics(start: Array, end: Array, horizon: Array) -> list[_Quintic]:
+    """Returns the quintics of n columns (3, n), as numbers."""
+    return [
+        _quintic(begin, finish, h)
+        for begin, finish, h in zip(
+            start.T.tolist(), end.T.tolist(), horizon.tolist(), strict=True
+        )
+    ]
+
+
+def _motion_at(columns: list[_Quintic], t: float) -> Array:
+    """Returns rows p, v, a (3, n), or those at the end of a shorter horizon."""
+    return np.array(
+        [_follow(column, min(t, column[0])) for column in columns]
+    ).T
+
+
+def _position(quintic: _Quintic, t: Any) -> Any:
+    """Returns p of the quintic at the time, or times, `t`."""
+    h, p, v, a, c3, c4, c5 = quintic
+    s = t / h
+    return p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5))))
+
+
+def _follow(quintic: _Quintic, t: Any) -> tuple[Any, Any, Any]:
+    """Returns p, v, a of the quintic at the time, or times, `t`."""
+    h, _, v, a, c3, c4, c5 = quintic
     s = t / h
     return (
-        p + s * (v + s * (a + s * (c3 + s * (c4 + s * c5)))),
+        _position(quintic, t),
         (v + s * (2 * a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
         (2 * a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / (h * h),
     )
@@ -423,10 +458,10 @@ def end_beyond(
     """
     h = horizon - t
     kink = np.array([[1.0], [5.0 / h], [20.0 / (h * h)]])
-    times = np.full(via.size, horizon)
-    missed = via - quintic_at(start, end, times, t)[0]
-    moved = quintic_at(np.zeros((3, 1)), kink, times[:1], t)[0]
-    return np.asarray(end + kink * (missed / moved))
+    columns = _quintics(start, end, np.full(via.size, horizon))
+    missed = via - [_position(column, t) for column in columns]
+    of_kink = _quintic((0.0, 0.0, 0.0), kink[:, 0].tolist(), horizon)
+    return np.asarray(end + kink * (missed / _position(of_kink, t)))
 
 
 def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
@@ -449,10 +484,9 @@ def time_to_pass(start: Array, end: Array, horizon: float, via: Array) -> float:
     before_end = np.arange(STEP, horizon - 1e-9, STEP)
     t = horizon - before_end
     missed = np.zeros_like(t)
-    for begin, finish, point in zip(
-        start.T.tolist(), end.T.tolist(), via.tolist(), strict=True
-    ):
-        position, _, _ = _follow(begin, finish, h=horizon, t=t)
-        missed += (point - position) * (point - position)
+    columns = _quintics(start, end, np.full(via.size, horizon))
+    for column, point in zip(columns, via.tolist(), strict=True):
+        gap = point - _position(column, t)
+        missed += gap * gap
     flat = t * before_end
     return float(t[(missed / (flat * flat * flat * flat * flat)).argmin()])

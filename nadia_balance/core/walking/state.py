@@ -8,8 +8,9 @@ Types that hold arrays compare by identity, except FootPose.
 from __future__ import annotations
 
 import enum
+import functools
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
 
@@ -17,6 +18,8 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array, read_only
 from nadia_balance.core.math.polygon import convex_hull
+
+_KEPT = 8  # support polygons: a foothold that moves changes none
 
 
 class Side(enum.Enum):
@@ -197,7 +200,9 @@ class FootPoses(Immutable):
         Returns:
             New poses.
         """
-        return replace(self, **{side.value: pose})
+        if side is Side.LEFT:
+            return FootPoses(pose, self.right)
+        return FootPoses(self.left, pose)
 
 
 @dataclass(frozen=True)
@@ -381,12 +386,18 @@ def support_polygon(schedule: ContactSchedule, sole: Array) -> Array:
     Returns:
         Vertices (n, 2) in W [m], counter-clockwise.
     """
-    return convex_hull(
-        np.concatenate(
-            [
-                schedule.feet[side].to_world(sole)
-                for side in Side
-                if schedule.in_contact(side)
-            ]
-        )
+    sides = tuple(side for side in Side if schedule.in_contact(side))
+    return _hull_of_soles(schedule.feet, sides, sole.tobytes())
+
+
+@functools.lru_cache(_KEPT)
+def _hull_of_soles(
+    feet: FootPoses, sides: tuple[Side, ...], sole: bytes
+) -> Array:
+    """Returns the read-only `support_polygon`, of the bytes of the corners."""
+    corners = np.frombuffer(sole).reshape(-1, 2)
+    hull = convex_hull(
+        np.concatenate([feet[side].to_world(corners) for side in sides])
     )
+    hull.flags.writeable = False
+    return hull

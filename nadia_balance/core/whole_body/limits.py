@@ -4,7 +4,7 @@ The friction of the soles is lowered after a slip.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -58,9 +58,11 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
-_HASTE = (2.0, 4.0, math.inf)  # relaxation of the torque rate limit, in order
-# Costs of accelerations of joints and trunk beyond their limits [s^4/rad^2].
+# Costs of what limits yield if they must: accelerations of joints and trunk
+# [s^4/rad^2], of links [s^4/m^2], and the torque rate, per its limit [-].
 _JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
+_DISTANCE_SLACK = 100.0
+_RATE_SLACK = 1e4
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _LOADED = 0.2  # share of the weight below which slips are ignored [-]
 _LESS = 0.9  # new estimate over the friction used in a slip [-]
@@ -91,8 +93,10 @@ class WholeBodyLimits:
         self._params, self._model = params, model
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._trunk_rows = slice(2 * n, 2 * n + 2)
-        self._joints, self.num_soft = np.eye(n), n + 2
-        self._slack_cost = np.diag([_JOINT_SLACK] * n + [_TILT_SLACK] * 2)
+        self.num_soft = n + 2
+        self._slack_costs = np.array(
+            [_JOINT_SLACK] * n + [_TILT_SLACK] * 2 + [_RATE_SLACK]
+        )
         margin = 2.0 * params.sole_margin
         self._sole_length = model.sole_length - margin
         self._sole_width = model.sole_width - margin
@@ -101,7 +105,9 @@ class WholeBodyLimits:
                 f"sole_margin = {params.sole_margin}: must leave some of the "
                 "sole"
             )
-        self._usual_cone = self._cone(params.friction)
+        # The cone is friction * slope + the rest.
+        self._cone_rest = self._cone(0.0)
+        self._cone_slope = self._cone(1.0) - self._cone_rest
         # The first axis of all bounds is (lower, upper).
         self._wrench = np.repeat([[-np.inf], [0.0]], _FOOT_ROWS, axis=1)
         self._wrench[0, -1] = params.min_normal_force / model.mass
@@ -112,18 +118,24 @@ class WholeBodyLimits:
             ticks = model.drives.max_torque_rate * period
             self._torque_steps = ticks * self._torques
 
-    def num_rows(self, num_soles: int, terms: WholeBodyTerms) -> int:
-        """The number of rows.
+    def constants(self, num_soles: int) -> tuple[Array, Array]:
+        """The rows of a QP without near links, with what is constant.
 
         Args:
             num_soles: number of soles in contact.
-            terms: its `avoidance` counts.
 
         Returns:
-            The number m.
+            Rows C (m, n) and their bounds (2, m), 0 where they vary; these
+            limits come after 6 rows for each sole and 6 for the base.
         """
-        rows = self._trunk_rows.stop + num_soles * _FOOT_ROWS
-        return rows + (len(terms.avoidance.limits) if terms.avoidance else 0)
+        nv, first = 6 + self._model.num_joints, 6 * num_soles + 6
+        soles = first + self._trunk_rows.stop
+        C = np.zeros((soles + num_soles * _FOOT_ROWS, nv + 6 * num_soles))
+        C[first:][self._joint_rows, 6:nv] = np.eye(nv - 6)
+        bounds = np.zeros((2, len(C)))
+        bounds[1, first:][self._trunk_rows] = np.inf
+        bounds[:, soles:] = np.tile(self._wrench, num_soles)
+        return C, bounds
 
     def fill(
         self,
@@ -137,45 +149,40 @@ class WholeBodyLimits:
 
         Args:
             C: rows (m, n); on entry, the torque rows, M vdot - sum J' w, and
-                zeros.
-            bounds: lower and upper bounds (2, m).
+                the `constants`; those of near links last.
+            bounds: lower and upper bounds (2, m); on entry, the `constants`.
             terms: kinematics and dynamics.
             command: contacts, friction and force bounds.
             last_torques: torques of the last tick (nj,), if their rate is
                 limited [N m].
         """
-        bounds[:, self.torque_rows] = (
-            self.torque_bounds(terms.v[6:], last_torques) - terms.forces[6:, -1]
+        np.subtract(
+            self.torque_bounds(terms.v[6:], last_torques),
+            terms.forces[6:, -1],
+            out=bounds[:, self.torque_rows],
         )
-        bounds[:, self._joint_rows] = self._braking(terms)
-        nv = terms.v.size
-        C[self._joint_rows, 6:nv] = self._joints
-        C[self._trunk_rows, :nv], bounds[0, self._trunk_rows] = self._upright(
-            terms
-        )
-        bounds[1, self._trunk_rows] = np.inf
-        is_usual = command.friction == self._params.friction
-        cone = self._usual_cone if is_usual else self._cone(command.friction)
-        row, column = self._trunk_rows.stop, nv
+        self._braking(terms, out=bounds[:, self._joint_rows])
+        self._upright(terms, C=C, lower=bounds[0])
+        cone = command.friction * self._cone_slope
+        cone += self._cone_rest
+        row, column = self._trunk_rows.stop, terms.v.size
+        least, mass = self._wrench[0, -1], self._model.mass
         for side, carries in enumerate(command.contacts):
             if carries:
-                rows = slice(row, row + _FOOT_ROWS)
+                end = row + _FOOT_ROWS
                 R_FW = terms.rotations[side].T
-                C[rows, column : column + 6] = (cone @ R_FW).reshape(-1, 6)
-                bounds[:, rows] = self._wrench
-                bounds[1, rows.stop - 1] = max(
-                    command.max_normal_forces[side] / self._model.mass,
-                    self._wrench[0, -1],
+                C[row:end, column : column + 6] = cone.dot(R_FW).reshape(-1, 6)
+                bounds[1, end - 1] = max(
+                    command.max_normal_forces[side] / mass, least
                 )
-                row, column = rows.stop, column + 6
-        if row < len(C) and terms.avoidance:
-            C[row:, :nv] = terms.avoidance.limits[:, :-1]
-            bounds[0, row:] = -terms.avoidance.limits[:, -1]
+                row, column = end, column + 6
+        if terms.avoidance and len(terms.avoidance.limits):
+            nv, limits = terms.v.size, terms.avoidance.limits
+            C[row:, :nv] = limits[:, :-1]
+            np.negative(limits[:, -1], out=bounds[0, row:])
             bounds[1, row:] = np.inf
 
-    def torque_bounds(
-        self, speed: Array, last: Array | None, haste: float = 1.0
-    ) -> Array:
+    def torque_bounds(self, speed: Array, last: Array | None) -> Array:
         """The least and the largest torques, per unit of the robot's mass.
 
         They follow from the torque rate limit and from the torque-speed line
@@ -185,7 +192,6 @@ class WholeBodyLimits:
             speed: of the joints (nj,) [rad/s].
             last: torques of the last tick (nj,), whose change is limited if
                 they are given [N m].
-            haste: number of ticks' changes that are allowed [-].
 
         Returns:
             The bounds (2, nj) [m^2/s^2].
@@ -198,12 +204,12 @@ class WholeBodyLimits:
             max_speed=self._model.max_speed,
             corner_speed=self._model.drives.corner_speed,
         )
-        if last is None or math.isinf(haste):
+        if last is None:
             return bounds
         lower, upper = bounds
         near = (
             np.minimum(np.maximum(last / self._model.mass, lower), upper)
-            + haste * self._torque_steps
+            + self._torque_steps
         )
         return np.asarray(np.minimum(np.maximum(near, lower), upper))
 
@@ -213,14 +219,16 @@ class WholeBodyLimits:
         first: int,
         terms: WholeBodyTerms,
         last_torques: Array | None,
-    ) -> Iterator[QpProblem]:
-        """The problem with ever weaker limits.
+    ) -> QpProblem:
+        """The problem whose limits of joints, tilt, rate and distances yield.
 
-        Joint limits and tilt get a slack s each, lower <= C x + s <= upper,
-        with a cost s^2, so that none yields more than it has to.  Then the
-        torque rate limits grow by the factors _HASTE, and the link distances
-        are dropped: the bounds of `problem` change in place.  The slacks are
-        the last variables, in rad/s^2.
+            lower <= C x + s <= upper of joint accelerations and tilt,
+            |torques - last torques| <= (1 + h) steps, within those of drives,
+            A x + d >= lower of the link distances,
+
+        with a cost of s^2, h^2 and d^2, so that none yields more than it has
+        to; none is physical.  The variables are [x, s, h, d], h and d where
+        there is such a limit.
 
         Args:
             problem: that of the tick, infeasible.
@@ -229,57 +237,87 @@ class WholeBodyLimits:
             last_torques: torques of the last tick (nj,), if their rate is
                 limited [N m].
 
-        Yields:
-            The problems.
+        Returns:
+            The problem.
         """
-        H, g, A, lower, upper = problem
+        n, soft = problem.g.size, self.num_soft
+        pairs = len(terms.avoidance.limits) if terms.avoidance else 0
+        has_rate = self._model.drives is not None and last_torques is not None
+        costs = self._slack_costs[: soft + 1 if has_rate else soft]
+        if pairs:
+            costs = np.append(costs, _DISTANCE_SLACK)
+        H = np.zeros((n + costs.size, n + costs.size))
+        H[:n, :n] = problem.H
+        H[range(n, len(H)), range(n, len(H))] = costs
+        A = np.zeros((len(problem.A), len(H)))
+        A[:, :n] = problem.A
         rows = slice(
             first + self._joint_rows.start, first + self._trunk_rows.stop
         )
-        n, soft = g.size, self.num_soft
-        H_soft = np.block(
-            [[H, np.zeros((n, soft))], [np.zeros((soft, n)), self._slack_cost]]
-        )
-        A_soft = np.hstack((A, np.zeros((len(A), soft))))
-        A_soft[rows, n:] = np.eye(soft)
+        A[rows, n : n + soft] = np.eye(soft)
+        if pairs:
+            A[-pairs:, -1] = 1.0
         softened = QpProblem(
-            H=H_soft,
-            g=np.concatenate((g, np.zeros(soft))),
-            A=A_soft,
-            lower=lower,
-            upper=upper,
+            H=H,
+            g=np.concatenate((problem.g, np.zeros(costs.size))),
+            A=A,
+            lower=problem.lower,
+            upper=problem.upper,
         )
-        yield softened
-        for haste in _HASTE if last_torques is not None else ():
-            torques = self.torque_bounds(terms.v[6:], last_torques, haste)
-            rows = slice(first, first + len(self._joints))
-            lower[rows], upper[rows] = torques - terms.forces[6:, -1]
-            yield softened
-        if terms.avoidance and len(terms.avoidance.limits):
-            lower[-len(terms.avoidance.limits) :] = -np.inf
-            yield softened
+        if not has_rate:
+            return softened
+        rows = slice(first, first + self._model.num_joints)
+        drives = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
+        return self._with_haste(softened, rows, n + soft, drives)
 
-    def _upright(self, terms: WholeBodyTerms) -> tuple[Array, Array]:
-        """Returns rows (2, nv) and lower bounds (2,) on the trunk's tilt.
+    def _with_haste(
+        self, problem: QpProblem, rows: slice, haste: int, drives: Array
+    ) -> QpProblem:
+        """The problem with torque rates that variable `haste` lets grow.
+
+        Its torque `rows`, bounded by the rate, get the bounds `drives` (2, nj);
+        behind all rows there are one-sided ones for the rate.
+        """
+        free = np.full(rows.stop - rows.start, np.inf)
+        A = np.concatenate((problem.A, problem.A[rows], problem.A[rows]))
+        steps: Array = self._torque_steps[1]
+        A[len(problem.A) :, haste] = np.concatenate((steps, -steps))
+        lower = np.concatenate((problem.lower, problem.lower[rows], -free))
+        upper = np.concatenate((problem.upper, free, problem.upper[rows]))
+        lower[rows], upper[rows] = drives
+        return problem._replace(A=A, lower=lower, upper=upper)
+
+    def _upright(self, terms: WholeBodyTerms, C: Array, lower: Array) -> None:
+        """Writes rows and lower bounds on the trunk's tilt.
 
         The rotation e from upright to the torso about a horizontal axis, a
         horizon T ahead at the present velocity, stays within the largest tilt:
         -e / |e| . wdot >= 2 / T^2 (|e| - max).  So does that of the pelvis.
         """
+        first, nv = self._trunk_rows.start, terms.v.size
+        x, y, least = self._leaning(terms, 2, TORSO)
+        row = terms.rows[TORSO][:2].T.dot((x, y))
+        C[first, :nv] = row[:-1]
+        lower[first] = least - row[-1]
+        # The pelvis is the base: its angular acceleration is in vdot.
+        C[first + 1, 0], C[first + 1, 1], least = self._leaning(
+            terms, 3, PELVIS
+        )
+        lower[first + 1] = least
+
+    def _leaning(
+        self, terms: WholeBodyTerms, body: int, rows: slice
+    ) -> tuple[float, float, float]:
+        """The direction (x, y) back to upright, and the least acceleration."""
         T = self._params.trunk_tilt_horizon
         max_tilt = math.radians(self._params.max_trunk_tilt_deg)
-        rows, lower_bounds = [], []
-        for body, R in zip((TORSO, PELVIS), terms.rotations[2:], strict=True):
-            x, y, z = R[:, 2].tolist()
-            wx, wy, _ = terms.velocities[body].tolist()
-            sine = math.hypot(x, y)
-            scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
-            ex, ey = T * wx - scale * y, T * wy + scale * x
-            tilt = max(math.hypot(ex, ey), _TINY)
-            row = terms.rows[body][:2].T @ (-ex / tilt, -ey / tilt)
-            rows.append(row[:-1])
-            lower_bounds.append(2.0 / T**2 * (tilt - max_tilt) - row[-1])
-        return np.array(rows), np.array(lower_bounds)
+        x, y, z = terms.rotations[body, :, 2].tolist()
+        wx, wy, _ = terms.velocities[rows].tolist()
+        sine = math.hypot(x, y)
+        scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
+        ex, ey = T * wx - scale * y, T * wy + scale * x
+        tilt = max(math.hypot(ex, ey), _TINY)
+        return -ex / tilt, -ey / tilt, 2.0 / T**2 * (tilt - max_tilt)
 
     def _cone(self, friction: float) -> Array:
         """Returns the rows of the wrench cone and normal force of a sole.
@@ -292,20 +330,23 @@ class WholeBodyLimits:
         )
         return np.vstack((cone, np.eye(6)[5])).reshape(-1, 3)
 
-    def _braking(self, terms: WholeBodyTerms) -> Array:
-        """Bounds (2, nj) [rad/s^2] on vdot from position and speed limits.
+    def _braking(self, terms: WholeBodyTerms, out: Array) -> None:
+        """Writes bounds (2, nj) [rad/s^2] on vdot for positions and speeds.
 
         q + T v + T^2/2 vdot stays within the position limits for a horizon T,
         v + T vdot within the speed limits for a shorter one, which come first;
         the bounds are clipped to `max_joint_acceleration`.
         """
-        horizon = self._params.joint_limit_horizon
-        ahead = terms.q[7:] + horizon * terms.v[6:]
-        bounds = (self._positions - ahead) * (2.0 / horizon**2)
-        room = (self._speeds - terms.v[6:]) / self._params.speed_limit_horizon
+        v, horizon = terms.v[6:], self._params.joint_limit_horizon
+        bounds = self._positions - (terms.q[7:] + horizon * v)
+        bounds *= 2.0 / horizon**2
+        room = self._speeds - v
+        room /= self._params.speed_limit_horizon
         clip = self._params.max_joint_acceleration
-        np.clip(room, -clip, clip, out=room)
-        return np.asarray(np.minimum(np.maximum(bounds, room[0]), room[1]))
+        # As numpy.clip does, in half of its time.
+        np.minimum(np.maximum(room, -clip, out=room), clip, out=room)
+        np.maximum(bounds, room[0], out=bounds)
+        np.minimum(bounds, room[1], out=out)
 
 
 def friction_after(
@@ -336,14 +377,14 @@ def friction_after(
     friction = min(last[0] + slip.recovery * period, usual)
     loaded = []
     for (x, y, z), velocity, time in zip(
-        forces.tolist(), velocities, last[1:], strict=True
+        forces.tolist(), velocities.tolist(), last[1:], strict=True
     ):
         loaded.append(time + period if z > _LOADED else 0.0)
         used = max(abs(x), abs(y)) / max(z, _LOADED)  # of the pyramid
         if (
             loaded[-1] > slip.settling_time
             and used > least
-            and np.hypot(velocity[0], velocity[1]) > slip.speed
+            and math.hypot(velocity[0], velocity[1]) > slip.speed
         ):
             friction = max(min(friction, _LESS * used), least)
     return [friction, *loaded]

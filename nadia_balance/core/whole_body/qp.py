@@ -57,8 +57,8 @@ class WholeBodyQp:
     * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * limits on contact wrenches, torques, joints, the trunk's tilt and the
-      distances of near links; if the QP is infeasible, the limits of joints and
-      tilt become soft, then torque rate limits and link distances are dropped.
+      distances of near links; if the QP is infeasible, the limits of joints,
+      tilt, torque rates and distances become soft.
 
     Internally, forces, torques and M are per unit of the robot's mass.
 
@@ -83,11 +83,13 @@ class WholeBodyQp:
         self._tasks = WeightedTasks([*usual_tasks(params, model), *tasks])
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
-        # By the number of variables, with one or two soles in contact.
+        # By the number of variables: with one or two soles in contact; relaxed,
+        # with slacks of the torque rate and the distances, or without.
+        soft = self._limits.num_soft
         self._qps = {
-            size: DenseQp(size)
+            hard + slacks: DenseQp(hard + slacks)
             for hard in (nv + 6, nv + 12)
-            for size in (hard, hard + self._limits.num_soft)
+            for slacks in (0, soft, soft + 1, soft + 2)
         }
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
@@ -106,7 +108,14 @@ class WholeBodyQp:
             ],
             (3, 2, 1),
         )
-        self._H = np.diag(np.concatenate((vdot, wrench, wrench)))
+        # H, rows and bounds by the number of soles in contact.
+        self._constants = {
+            num_soles: (
+                np.diag(np.concatenate((vdot, np.tile(wrench, num_soles)))),
+                *self._limits.constants(num_soles),
+            )
+            for num_soles in (1, 2)
+        }
 
     def solve(
         self,
@@ -130,22 +139,19 @@ class WholeBodyQp:
         """
         problem = self.problem(terms, command, last_torques)
         num_variables = problem.g.size
-        qp = self._qps[num_variables].solve(problem)
-        # At the touchdown of a long step, contact, torque and friction limits
-        # may make joint braking and torque rate limits infeasible.  These are
-        # not physical and may be relaxed.
+        qp = self._qps[num_variables].solve(problem, is_tentative=True)
         first = 6 * sum(command.contacts) + 6  # row of the limits
         if not qp.solved:
-            for weaker in self._limits.relaxed(
+            # At the touchdown of a long step, contact, torque and friction
+            # limits may make joint braking and torque rates infeasible.
+            relaxed = self._limits.relaxed(
                 problem, first, terms=terms, last_torques=last_torques
-            ):
-                again = self._qps[weaker.g.size].solve(weaker)
-                qp = again._replace(
-                    solves=qp.solves + again.solves,
-                    fallback=qp.fallback or again.fallback,
-                )
-                if qp.solved:
-                    break
+            )
+            again = self._qps[relaxed.g.size].solve(relaxed)
+            qp = again._replace(
+                solves=qp.solves + again.solves,
+                fallback=qp.fallback or again.fallback,
+            )
         nv, mass = terms.v.size, self._model.mass
         x = qp.x[:num_variables]
         torques = (
@@ -205,20 +211,23 @@ class WholeBodyQp:
         Returns:
             The problem.
         """
-        nv, n = terms.v.size, sum(command.contacts)
-        soles = _CARRYING[command.contacts]
-        J = terms.rows[soles, :nv]
-        first = 6 * n + 6  # row of the limits
-        rows = np.zeros((first + self._limits.num_rows(n, terms), nv + 6 * n))
-        bounds = np.empty((2, len(rows)))
-        rows[: 6 * n, :nv] = J
+        nv, num_soles = terms.v.size, sum(command.contacts)
+        H, rows, bounds = self._constants[num_soles]
+        near = len(terms.avoidance.limits) if terms.avoidance else 0
+        if near:
+            rows = np.concatenate((rows, np.zeros((near, len(H)))))
+            bounds = np.concatenate((bounds, np.zeros((2, near))), axis=1)
+        else:
+            rows, bounds = rows.copy(), bounds.copy()
+        contacts = 6 * num_soles  # number of rows
+        J = terms.rows[_CARRYING[command.contacts], :nv]
+        rows[:contacts, :nv] = J
         # Equations of motion: rows of the base, followed by the torque rows.
-        motion = rows[6 * n : 6 * n + nv]
+        motion = rows[contacts : contacts + nv]
         motion[:, :nv] = terms.forces[:, :nv]
-        motion[:, nv:] = -J.T
-        b = -terms.rows[: BASE.stop, -1]
-        b[:12] += self._rest(terms, command)
-        b = np.concatenate((b[soles], b[BASE]))
+        np.negative(J.T, out=motion[:, nv:])
+        b = self._right_sides(terms, command)
+        first = contacts + 6  # row of the limits
         self._limits.fill(
             C=rows[first:],
             bounds=bounds[:, first:],
@@ -226,8 +235,8 @@ class WholeBodyQp:
             command=command,
             last_torques=last_torques,
         )
-        H, g = self._cost(terms, command)
-        if all(command.contacts):
+        H, g = self._cost(terms, command, H)
+        if num_soles == 2:
             for side, edge in enumerate(command.edges):
                 if edge:
                     sole = SOLES[side]
@@ -268,31 +277,46 @@ class WholeBodyQp:
         wrench[:3], wrench[3:] = y, edge * z
         return rows, values, y @ turn, y @ rest
 
-    def _rest(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
-        """Accelerations (12,) that damp, align and sink the soles."""
-        params = self._params
-        rest = -params.stance_damping * terms.velocities[:12]
-        x, y, z = params.stance_tilt_gain * terms.rotations[:2, :, 2].T
-        nx, ny, nz = command.normals.T
-        for side, speed in enumerate(command.sinking):
-            if speed:
-                rest[SOLES[side]][3:] -= (
-                    params.stance_damping * speed * command.normals[side]
+    def _right_sides(
+        self, terms: WholeBodyTerms, command: WholeBodyCommand
+    ) -> Array:
+        """Accelerations less biases (6 n + 6,) of soles in contact and base.
+
+        The accelerations damp, align and sink the soles.
+        """
+        damping = self._params.stance_damping
+        biases = terms.rows[: BASE.stop, -1].tolist()
+        velocities = terms.velocities[: BASE.start].tolist()
+        axes = (
+            self._params.stance_tilt_gain * terms.rotations[:2, :, 2]
+        ).tolist()
+        normals = command.normals.tolist()
+        b: list[float] = []
+        for side, carries in enumerate(command.contacts):
+            if carries:
+                wx, wy, wz, vx, vy, vz = velocities[SOLES[side]]
+                bwx, bwy, bwz, bx, by, bz = biases[SOLES[side]]
+                x, y, z = axes[side]
+                nx, ny, nz = normals[side]
+                down = damping * command.sinking[side]
+                b += (
+                    y * nz - z * ny - damping * wx - bwx,
+                    z * nx - x * nz - damping * wy - bwy,
+                    x * ny - y * nx - damping * wz - bwz,
+                    -damping * vx - down * nx - bx,
+                    -damping * vy - down * ny - by,
+                    -damping * vz - down * nz - bz,
                 )
-        rest[0::6] += y * nz - z * ny
-        rest[1::6] -= x * nz - z * nx
-        rest[2::6] += x * ny - y * nx
-        return np.asarray(rest)
+        return np.array(b + [-bias for bias in biases[BASE]])
 
     def _cost(
-        self, terms: WholeBodyTerms, command: WholeBodyCommand
+        self, terms: WholeBodyTerms, command: WholeBodyCommand, H: Array
     ) -> tuple[Array, Array]:
-        """Returns H and g of the cost of all soft tasks."""
+        """Returns H and g of the cost of all soft tasks, `H` the constant."""
         nv = terms.v.size
-        n = nv + 6 * sum(command.contacts)
         tasks = self._tasks.rows(terms, command)
-        square = tasks.T @ tasks
-        H, g = self._H[:n, :n].copy(), np.zeros(n)
+        square = tasks.T.dot(tasks)
+        H, g = H.copy(), np.zeros(len(H))
         H[:nv, :nv] += square[:-1, :-1]
         g[:nv] = square[:-1, -1]
         g[6:nv] += (

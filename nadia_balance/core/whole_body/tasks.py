@@ -88,6 +88,7 @@ class MomentumTask:
         )
         self._damping = params.angular_momentum_damping
         self._mass = model.mass
+        self._weight = model.mass * GRAVITY
         self._selection: Array = np.eye(6)[[3, 4, 5, 0, 1, 2]]
 
     def motion(
@@ -105,14 +106,16 @@ class MomentumTask:
         selection, base = self._selection.copy(), terms.rows[BASE]
         # The moment about the CoM: minus the lever arm times the force.  The
         # arm is in M, since the base's velocity is expressed in W.
-        selection[3:, 3:6] = -base[:3, 3:6]
-        selection[:2, -1] -= command.momentum_rate[:2] / (self._mass * GRAVITY)
-        moment = -self._damping * (selection[3:] @ terms.velocities[BASE])
+        np.negative(base[:3, 3:6], out=selection[3:, 3:6])
+        fx, fy, fz = command.momentum_rate.tolist()
+        selection[0, 5] = -fx / self._weight
+        selection[1, 5] = -fy / self._weight
+        momentum = selection[3:].dot(terms.velocities[BASE])
+        mx, my, mz = (-self._damping * momentum).tolist()
         # The force also carries the weight, which is no rate of momentum.
-        vertical = command.momentum_rate[2] / self._mass + GRAVITY
-        return Motion(
-            selection @ base, np.concatenate(((0.0, 0.0, vertical), moment))
-        )
+        vertical = fz / self._mass + GRAVITY
+        acceleration = np.array((0.0, 0.0, vertical, mx, my, mz))
+        return Motion(selection.dot(base), acceleration)
 
 
 class TrunkTask:
@@ -128,8 +131,8 @@ class TrunkTask:
     def __init__(self, name: str, params: WholeBodyQpParams) -> None:
         self.name = name
         self._is_pelvis = name == "pelvis"
-        self.weight = (
-            params.pelvis_weight if self._is_pelvis else params.torso_weight
+        self.weight: Array = np.repeat(
+            params.pelvis_weight if self._is_pelvis else params.torso_weight, 3
         )
         self._rows = PELVIS if self._is_pelvis else TORSO
         self._body = 3 if self._is_pelvis else 2  # of `rotations`
@@ -155,14 +158,15 @@ class TrunkTask:
             turn, turndot, turnddot = command.turn
             yaw, yawdot = yaw + turn, yawdot + turndot
             yawddot += turnddot
-        wdot = self._kp * np.array(
-            rotation_error(yaw, terms.rotations[self._body])
+        x, y, z = rotation_error(yaw, terms.rotations[self._body])
+        wx, wy, wz = terms.velocities[self._rows].tolist()
+        kp, kd = self._kp, self._kd
+        wdot = (
+            kp * x - kd * wx,
+            kp * y - kd * wy,
+            kp * z + yawddot + kd * (yawdot - wz),
         )
-        wdot[2] += yawddot
-        wdot += self._kd * (
-            np.array((0.0, 0.0, yawdot)) - terms.velocities[self._rows]
-        )
-        return Motion(terms.rows[self._rows], wdot)
+        return Motion(terms.rows[self._rows], np.array(wdot))
 
 
 class SwingFootTask:
@@ -193,10 +197,12 @@ class SwingFootTask:
             (3, 2, 1),
         )
         self._ankles = model.ankles
-        self._kp = np.repeat(
-            [params.swing_orientation_gain, params.swing_position_gain], 3
+        # Of the orientation and of the position.
+        self._kp = params.swing_orientation_gain, params.swing_position_gain
+        self._kd = (
+            2.0 * params.damping_ratio * math.sqrt(self._kp[0]),
+            2.0 * params.damping_ratio * math.sqrt(self._kp[1]),
         )
-        self._kd = 2.0 * params.damping_ratio * np.sqrt(self._kp)
 
     def motion(
         self, terms: WholeBodyTerms, command: WholeBodyCommand
@@ -218,24 +224,32 @@ class SwingFootTask:
         side = command.contacts.index(False)
         yaw, yawdot, yawddot = command.swing[9:].tolist()
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
-        turn = R_WT @ rotation_error(yaw, R_WT.T @ R_WF)
+        turn = R_WT.dot(rotation_error(yaw, R_WT.T.dot(R_WF)))
         # The reference of the ankle, and the arm to it from the sole's centre.
         ankle = command.swing[:9].reshape(3, 3) + (
-            self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot)
-            @ R_WT.T
+            self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot).dot(
+                R_WT.T
+            )
         )
-        arm = R_WF @ self._ankles[side]
-        error = ankle[0] - terms.sole_positions[side] - arm
+        arm = R_WF.dot(self._ankles[side])
+        ankle[0] -= terms.sole_positions[side]
+        ankle[0] -= arm
+        (x, y, z), (vx, vy, vz), (ax, ay, az) = ankle.tolist()
+        tx, ty, tz = turn.tolist()
         rows, velocity = terms.at_point(side, arm)
-        acceleration = np.array((0.0, 0.0, yawddot, *ankle[2].tolist()))
-        acceleration += self._kp * np.concatenate((turn, error))
-        acceleration += self._kd * (
-            (0.0, 0.0, yawdot, *ankle[1].tolist()) - velocity
-        )
+        wx, wy, wz, ux, uy, uz = velocity.tolist()
         root = math.sqrt(command.flatness)
         rows[:3] *= root
-        acceleration[:3] *= root
-        return Motion(rows, acceleration)
+        (kp, kp_position), (kd, kd_position) = self._kp, self._kd
+        acceleration = (
+            root * (kp * tx - kd * wx),
+            root * (kp * ty - kd * wy),
+            root * (yawddot + kp * tz + kd * (yawdot - wz)),
+            ax + kp_position * x + kd_position * (vx - ux),
+            ay + kp_position * y + kd_position * (vy - uy),
+            az + kp_position * z + kd_position * (vz - uz),
+        )
+        return Motion(rows, np.array(acceleration))
 
     def _turned(
         self, side: int, yaw: float, rate: float, acceleration: float
@@ -247,15 +261,13 @@ class SwingFootTask:
         square = rate * rate
         return np.array(
             (
-                (x, y, z),
-                (-rate * y, rate * x, 0.0),
-                (
-                    -acceleration * y - square * x,
-                    acceleration * x - square * y,
-                    0.0,
-                ),
+                x, y, z,
+                -rate * y, rate * x, 0.0,
+                -acceleration * y - square * x,
+                acceleration * x - square * y,
+                0.0,
             )
-        )
+        ).reshape(3, 3)  # fmt: skip
 
 
 def usual_tasks(params: WholeBodyQpParams, model: WholeBodyModel) -> list[Task]:
@@ -308,17 +320,22 @@ class WeightedTasks:
         Returns:
             [S, r] (n, nv + 1).
         """
-        parts = []
+        parts, accelerations, roots = [], [], []
         for task, root in self._tasks:
             motion = task.motion(terms, command)
-            if motion is not None:
-                rows = motion.rows.copy()
-                rows[:, -1] -= motion.acceleration
-                rows *= root
-                parts.append(rows)
-        if terms.avoidance:
-            parts.append(terms.avoidance.braking)
-        return np.concatenate(parts)
+            if motion is None:
+                continue
+            parts.append(motion.rows)
+            accelerations.append(motion.acceleration)
+            if len(root) < len(motion.rows):  # one weight for all
+                root = np.repeat(root, len(motion.rows), axis=0)
+            roots.append(root)
+        rows = np.concatenate(parts)
+        rows[:, -1] -= np.concatenate(accelerations)
+        rows *= np.concatenate(roots)
+        if terms.avoidance and len(terms.avoidance.braking):
+            return np.concatenate((rows, terms.avoidance.braking))
+        return rows
 
 
 def rotation_error(yaw: float, R: Array) -> tuple[float, float, float]:

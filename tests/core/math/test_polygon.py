@@ -1,4 +1,4 @@
-"""Oracles: shapely, and by hand."""
+"""Oracles: shapely, by hand, and the same loops in Python."""
 
 import math
 
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import rectangle
+from tests.core.math import python_polygons as python
 
 # On a grid of 1 cm, so that many are on one line or coincide, while no
 # triangle is so flat that its orientation is a matter of rounding.
@@ -171,3 +172,100 @@ def test_the_minkowski_sum_is_the_hull_of_all_sums(first, second):
     # Edges that are parallel but for 1e-16 m^2 are merged.
     assert ours.hausdorff_distance(expected) < 1e-7
     assert len(total) <= len(first) + len(second)
+
+
+# Points that are anywhere, on a grid, and but for rounding on one line.
+ORDINARY = FLOAT.filter(lambda x: x == 0.0 or abs(x) > 1e-100)
+ANYWHERE = st.lists(st.tuples(ORDINARY, ORDINARY), min_size=1, max_size=12)
+NEARLY_ON_A_LINE = st.lists(
+    st.tuples(
+        st.integers(-3, 3).map(lambda k: 0.3 + 1e-17 * k),
+        st.sampled_from([-0.3, 0.0, -0.0, 0.1, 0.7, 0.7 + 1e-9]),
+    ),
+    min_size=1,
+    max_size=9,
+)
+CLOUD = POINTS | (ANYWHERE | NEARLY_ON_A_LINE).map(np.array)
+
+
+def same_bits(ours, expected):
+    """Equal shapes and numbers; the signs of zeros, too."""
+    ours, expected = np.asarray(ours), np.asarray(expected)
+    return ours.shape == expected.shape and ours.tobytes() == expected.tobytes()
+
+
+@given(CLOUD, POINT | ANYWHERE.map(lambda points: np.array(points[0])), FLOAT)
+def test_what_is_compiled_has_the_bits_of_python(points, point, tolerance):
+    """Oracle: the same loops in Python."""
+    hull = polygon.convex_hull(points)
+    assert same_bits(hull, python.convex_hull(points))
+    expected = python.project(point, hull)
+    assert same_bits(polygon.project(point, hull), expected)
+    assert same_bits(polygon.area(hull), python.area(hull))
+    assert same_bits(polygon.centroid(hull), python.centroid(hull))
+    inside = python.contains(point, hull, tolerance)
+    assert polygon.contains(point, hull, tolerance) == inside
+    if len(hull) > 2:
+        (A, b), (normals, offsets) = (
+            polygon.halfspaces(hull),
+            python.halfspaces(hull),
+        )
+        assert same_bits(A, normals) and same_bits(b, offsets)
+
+
+@given(*[CLOUD.map(polygon.convex_hull)] * 2, POINT)
+def test_two_polygons_have_the_bits_of_python(first, second, shift):
+    """Oracle: the same loops in Python; gaps by numpy's complex numbers."""
+    expected = python.minkowski_sum(first, second)
+    assert same_bits(polygon.minkowski_sum(first, second), expected)
+    if len(second) < 3:
+        return
+    second = second + shift
+    A, b = polygon.halfspaces(second)
+    expected = python.clip_all(first, A, b)
+    assert same_bits(polygon.clip_all(first, A, b), expected)
+    assert same_bits(polygon.intersection(first, second), expected)
+    if len(first) > 2 and not len(expected):
+        ours, gap = polygon.closest_point(first, second)
+        numpys, expected = python.closest_point(first, second)
+        assert gap == pytest.approx(expected, rel=1e-12, abs=1e-15)
+        # Parallel edges have more than one closest point.
+        assert math.dist(ours, polygon.project(ours, second)) <= gap + 1e-15
+
+
+@pytest.mark.parametrize("kind", [int, np.float32, "transposed", list])
+def test_whatever_numbers_are_in_memory(kind):
+    """Oracle: the same polygon as C has it."""
+    square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 3.0], [0.0, 3.0]])
+    if kind == "transposed":
+        given = np.ascontiguousarray(square.T).T
+    else:
+        given = square.tolist() if kind is list else square.astype(kind)
+    assert polygon.area(given) == 6.0
+    assert same_bits(polygon.convex_hull(given), polygon.convex_hull(square))
+
+
+def test_normals_and_offsets_are_as_many():
+    """Oracle: the message."""
+    with pytest.raises(ValueError, match="4 normals, 3 offsets"):
+        polygon.clip_all(rectangle(1.0, 1.0), np.ones((4, 2)), np.ones(3))
+
+
+@pytest.mark.parametrize(
+    "of_nothing",
+    [
+        lambda none: polygon.contains(np.zeros(2), none),
+        lambda none: polygon.project(np.zeros(2), none),
+        lambda none: polygon.centroid(none),
+        lambda none: polygon.closest_point(rectangle(1.0, 1.0), none),
+        lambda none: polygon.minkowski_sum(none, rectangle(1.0, 1.0)),
+    ],
+)
+def test_nothing_is_asked_of_no_vertices(of_nothing):
+    """Oracle: the message; and of no points, the hull has none."""
+    none = np.empty((0, 2))
+    with pytest.raises(ValueError, match="0 vertices: must be 1 or more"):
+        of_nothing(none)
+    assert polygon.convex_hull(none).shape == (0, 2)
+    assert polygon.clip_all(none, np.eye(2), np.ones(2)).shape == (0, 2)
+    assert polygon.area(none) == 0.0

@@ -108,3 +108,21 @@ def test_refuses_a_swing_without_a_footstep():
     schedule = replace(walk(num_steps=0), phase=Phase.SWING)
     with pytest.raises(ValueError, match="a swing needs one in the air"):
         cop_waypoints(schedule, Stance(PARAMS, SOLE))
+
+
+def test_a_path_is_made_once_whatever_it_starts_from():
+    """Oracle: the cache's own count, and the path of another Stance.
+
+    A foothold that moves asks for the path of its schedule, and the plan after
+    it for the rest of it, from the ICP as it is then.
+    """
+    stance = Stance(PARAMS, SOLE)
+    schedule = walk()
+    later = replace(schedule, start=at_rest([0.01, 0.02]), start_time=0.2)
+    cop_waypoints(schedule, stance)
+    rest = cop_waypoints(later, stance)
+    assert stance.route.cache_info().misses == 1
+    expected = cop_waypoints(later, Stance(PARAMS, SOLE))
+    np.testing.assert_array_equal(rest.points, expected.points)
+    np.testing.assert_array_equal(rest.knots, expected.knots)
+    np.testing.assert_allclose(rest.knots[:2], [0.2, 0.3])

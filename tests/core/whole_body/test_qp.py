@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+from scipy.optimize import minimize_scalar
 
 from nadia_balance.core.walking.state import Side
 from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from tests.core.whole_body.test_limits import knee_at
-from tests.qp_examples import by_quadprog
+from tests.qp_examples import by_quadprog, with_slack
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -33,14 +34,45 @@ from tests.whole_body_examples import (
 
 
 def test_torques_change_faster_if_nothing_else_is_possible():
-    """Oracles: quadprog finds no solution; the optimum without that limit."""
+    """Oracles: quadprog finds no solution; its best of all rates that do.
+
+    Between the torques of joints at their limits and those of standing lie many
+    ticks.  A rate (1 + h) times the limit costs 1e4 h^2, a convex problem in h.
+    """
     terms, last = terms_at(standing_state()), model().max_torque
-    qp = WholeBodyQp(WholeBodyQpParams(), model(), PERIOD)
+    params = WholeBodyQpParams()
+    qp = WholeBodyQp(params, model(), PERIOD)
+    problem = qp.problem(terms, command(terms), last)
     with pytest.raises(ValueError, match="inconsistent"):
-        by_quadprog(qp.problem(terms, command(terms), last))
+        by_quadprog(problem)
+    drives = qp.problem(terms, command(terms))  # without a limit of the rate
+    torques = slice(18, 41)  # behind the equalities
+    step = model().drives.max_torque_rate * PERIOD * last / model().mass
+    yielding = dict.fromkeys(range(41, 64), 1.0)  # joints
+    yielding |= {64: 100.0, 65: 100.0}  # torso and pelvis
+
+    def best(haste):
+        lower, upper = drives.lower.copy(), drives.upper.copy()
+        lower[torques] = np.maximum(
+            lower[torques], problem.lower[torques] - haste * step
+        )
+        slower = problem.upper[torques] + haste * step
+        upper[torques] = np.minimum(upper[torques], slower)
+        soft = with_slack(drives._replace(lower=lower, upper=upper), yielding)
+        x = by_quadprog(soft)
+        return 0.5 * x @ soft.H @ x + soft.g @ x + 5e3 * haste**2, x
+
+    haste = minimize_scalar(
+        lambda haste: best(haste)[0],
+        bounds=(7.0, 12.0),
+        method="bounded",
+        options={"xatol": 1e-9},
+    ).x
     solution = qp.solve(terms, command(terms), last)
-    free = qp.solve(terms, command(terms))
-    assert solution.torques == pytest.approx(free.torques, abs=1e-6)
+    assert solution.qp.solves == 2
+    assert solution.vdot == pytest.approx(best(haste)[1][:29], abs=1e-4)
+    changes = np.abs(solution.torques - last) / (model().mass * step)
+    assert np.max(changes) == pytest.approx(1.0 + haste, abs=1e-6)
 
 
 def test_damping_torques_slow_the_joints_down():
