@@ -14,13 +14,16 @@ from pydrake.systems.framework import (
     OutputPort,
     System,
 )
+from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.balance_controller import BalanceController
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop, Logs, MeasuredPoses
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
+from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
@@ -140,6 +143,13 @@ class HumanoidDiagram(ClosedLoop):
         self._close_loop(builder, meshcat, sources or {})
         if meshcat is not None:
             self._draw(builder, meshcat)
+        self._touchdowns = TouchdownRecord(self.robot, scenario.time_step)
+        self._states = LogVectorOutput(
+            self.engine.GetOutputPort("state"),
+            builder,
+            publish_period=scenario.time_step,
+        )
+        self._states.set_name("step_log")
         self._finish(
             builder,
             meshcat,
@@ -147,6 +157,7 @@ class HumanoidDiagram(ClosedLoop):
             [self.engine, self.sensor, self.push, controller],
             mechanisms=self._mechanisms,
             torques=self._torques,
+            step_forces=self.sensor.GetOutputPort("step_forces"),
             **self._command,
             **self._measured,
         )
@@ -467,9 +478,31 @@ class HumanoidDiagram(ClosedLoop):
         return {
             **logs,
             **self._poses.along(logs["state"]),
+            "touchdowns": self._find_touchdowns(context, logs),
             "weight": np.array(self.robot.mass * GRAVITY),
             "actuator_names": np.array(self.plant.GetActuatorNames()),
             "effort_limits": self.plant.GetEffortUpperLimits(),
             "joint_speed_limits": self.robot.max_joint_speeds[velocities - 6],
             "joint_speed_columns": self.plant.num_positions() + velocities,
         }
+
+    def _find_touchdowns(self, context: Context, logs: Logs) -> Array:
+        """The touchdowns (k, 8) of the run, one in each row."""
+        record = self._states.FindLog(context)
+        first = int(np.searchsorted(record.sample_times(), logs["t"][0]))
+        # The forces in the steps from one tick to the next, in order of time.
+        forces = logs["step_forces"][1:]
+        forces = forces.reshape(len(forces), -1, 2)[:, ::-1].reshape(-1, 2)
+        states = record.data().T[first : first + len(forces)]
+        found = self._touchdowns.touchdowns(states, forces[: len(states)])
+        found[:, 0] += logs["t"][0]
+        return found
+
+    def forget_logs(self, context: Context) -> None:
+        """Clears the logs, which otherwise grow without bound.
+
+        Args:
+            context: that of this diagram, which is changed.
+        """
+        super().forget_logs(context)
+        self._states.FindMutableLog(context).Clear()

@@ -33,6 +33,7 @@ from nadia_balance.parameters.yaml_reader import (
     typed,
 )
 from nadia_balance.parameters.yaml_writer import dump
+from nadia_balance.results.landing import LandingLimits
 from nadia_balance.robot.model import (
     FIDELITIES,
     RobotModel,
@@ -154,6 +155,9 @@ class Scenario:
         unit="deg",
         of="",
         doc="largest tilt of the torso in a recovery; not used if ideal",
+    )
+    landing: LandingLimits = bounded(
+        LandingLimits, doc="hardest landing of a recovery; not used if ideal"
     )
     lipm_period: float = bounded(
         0.01,

@@ -188,4 +188,5 @@ def run_info(diagram: ClosedLoop) -> RunInfo:
             if scenario.fidelity == "ideal"
             else scenario.max_torso_tilt_deg
         ),
+        landing=None if scenario.fidelity == "ideal" else scenario.landing,
     )

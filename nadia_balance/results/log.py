@@ -12,6 +12,9 @@ reachability regions (see core.body.reachability); and, on a ground of regions,
 `ground` (n, 3), the number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
+`touchdowns` (k, 8) has a Touchdown in each row, by their times; `step_forces`
+(n, 2 m) are the vertical forces on the (left, right) foot [N] in the m steps of
+the plant since the last tick, the latest first.
 `mechanisms` (see Mechanisms) may be switched in Meshcat during a run.  The log
 of a point mass lacks joints, torques, `state`, `foot_poses`, `trunk_tilt`,
 `weight` and `foot_wrenches`, that of a controller of the user's what it has no
@@ -39,6 +42,7 @@ from nadia_balance.systems.signals import (
     MeasuredFeet,
     PushSignal,
     QpStatus,
+    Touchdown,
     TrunkTilt,
     VelocityCommand,
     WalkingSignal,
@@ -58,6 +62,7 @@ _VIEWS = {
     "foot_poses": MeasuredFeet,
     "icp_reference": IcpReference,
     "push_signal": PushSignal,
+    "touchdowns": Touchdown,
     "trunk_tilt": TrunkTilt,
     "velocity_command": VelocityCommand,
     "walking_signal": WalkingSignal,

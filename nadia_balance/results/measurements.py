@@ -287,6 +287,30 @@ def com_height(log: Log) -> Array:
     return np.asarray(height - np.minimum(soles.left_z, soles.right_z))
 
 
+def _touchdowns(log: Log) -> list[dict[str, float | str]]:
+    """Each Touchdown, with how long before the end of its swing it was [s]."""
+    told: list[dict[str, float | str]] = []
+    for row in range(len(log["touchdowns"])):
+        touchdown = signal_view(log, "touchdowns", row)
+        values = dict(zip(touchdown.get_fields(), touchdown[:], strict=True))
+        values["side"] = "left" if touchdown.side > 0.0 else "right"
+        values["early"] = _early(log, touchdown)
+        told.append(values)
+    return told
+
+
+def _early(log: Log, touchdown: Any) -> float:
+    """Time [s] left in the swing of the foot at its touchdown; 0 outside."""
+    tick = max(int(np.searchsorted(log["t"], touchdown.time)) - 1, 0)
+    if "walking_signal" not in log:
+        return 0.0
+    walking = signal_view(log, "walking_signal", tick)
+    swings = walking.phase == PHASES.index(Phase.SWING)
+    if not swings or walking.target_side != touchdown.side:
+        return 0.0
+    return float(walking.duration - walking.time_in_phase)
+
+
 def trunk_tilts(log: Log) -> Array:
     """Returns the angles of torso and pelvis to the vertical.
 
@@ -474,6 +498,7 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "steps_taken": (("t",), lambda x: len(landings(x))),
     "steps_after_push": (("t",), _steps_after_push),
     "calm_steps": (("icp",), calm_steps),
+    "touchdowns": (("touchdowns",), _touchdowns),
     "stance_slip_m": (("foot_poses", "walking_signal"), _stance_slip),
     "max_torque_ratio": (("effort_limits",), torque_ratio),
     # From tick to tick, of the commands [N m].

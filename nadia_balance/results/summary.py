@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from nadia_balance.results.estimation import lost_at
+from nadia_balance.results.landing import LandingLimits, hard_landing
 from nadia_balance.results.log import (
     Log,
     icp_error,
@@ -54,6 +55,7 @@ class RunInfo:
     delta_v: float | None = None
     calm_steps: int = 0  # complete steps with small ICP error to recover
     max_torso_tilt_deg: float = 180.0  # bound for a recovery [deg]
+    landing: LandingLimits | None = None  # of a recovery
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +95,7 @@ class Run:
             **{
                 name: value
                 for name, value in vars(self.info).items()
-                if name not in ("calm_steps", "max_torso_tilt_deg")
+                if name not in ("calm_steps", "max_torso_tilt_deg", "landing")
             },
             **measurements,
             "duration_s": duration,
@@ -160,7 +162,7 @@ def failure(run: Run) -> str:
     tilt = largest(trunk_tilts(log)[0])
     if tilt is not None and tilt > run.info.max_torso_tilt_deg:
         return f"tilted: the torso by {tilt:.0f} deg"
-    return _overload(log)
+    return _overload(log) or hard_landing(log, run.info.landing)
 
 
 def _doubt(run: Run) -> str:

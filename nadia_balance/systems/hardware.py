@@ -108,8 +108,9 @@ class FootForceSensor(LeafSystem):
 
     `foot_forces` are the components along z of W, clipped at 0 in every step,
     without contacts among the robot's own bodies.  After a hard touchdown a
-    foot bounces within one step of the plant, so every step is measured.  The
-    discrete state is the output, and the forces in each step, the latest first.
+    foot bounces within one step of the plant, so every step is measured:
+    `step_forces` are those on (left, right) in the steps of the last period,
+    the latest first, without noise.  The outputs are the discrete state.
 
     Args:
         plant: plant with the robot.
@@ -127,7 +128,7 @@ class FootForceSensor(LeafSystem):
 
         name: FootForceSensor
         input_ports: [contact_results]
-        output_ports: [foot_forces]
+        output_ports: [foot_forces, step_forces]
     """
 
     def __init__(
@@ -171,6 +172,7 @@ class FootForceSensor(LeafSystem):
         # Matrix that averages the samples.
         self._average = np.tile(np.eye(2), self._steps) / self._steps
         self.DeclareStateOutputPort("foot_forces", mean)
+        self.DeclareStateOutputPort("step_forces", samples)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
     def _measure(self, context: Context, new: DiscreteValues) -> None:

@@ -1,0 +1,59 @@
+"""Which landings a machine survives."""
+
+from nadia_balance.core.walking.state import Side
+from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.results.log import Log, signal_view
+
+
+@parameters
+class LandingLimits:
+    """Largest values of a foot that meets the ground, in a recovery.
+
+    No source: what a foot with force sensors and an ankle with gears bears is
+    on no data sheet; these are what a hard step of a person brings.
+    """
+
+    speed_along: float = bounded(
+        1.0,
+        above=0.0,
+        most=10.0,
+        of="",
+        unit="m/s",
+        doc="of the lowest corner of the sole, along the ground",
+    )
+    speed_down: float = bounded(
+        0.8, above=0.0, most=10.0, of="", unit="m/s", doc="of it, downward"
+    )
+    mean_force: float = bounded(
+        5.0,
+        above=1.0,
+        most=100.0,
+        doc="over 10 ms, as a share of the robot's weight",
+    )
+
+
+def hard_landing(log: Log, limits: LandingLimits | None) -> str:
+    """Finds the first touchdown that is harder than the limits.
+
+    Args:
+        log: log of a run.
+        limits: largest values; None: any landing will do.
+
+    Returns:
+        What it was, in words; "" if there is none.
+    """
+    if limits is None or "touchdowns" not in log:
+        return ""
+    for row in range(len(log["touchdowns"])):
+        touchdown = signal_view(log, "touchdowns", row)
+        side = Side.LEFT if touchdown.side > 0.0 else Side.RIGHT
+        what = ""
+        if touchdown.speed_along > limits.speed_along:
+            what = f"at {touchdown.speed_along:.2f} m/s along the ground"
+        elif touchdown.speed_down > limits.speed_down:
+            what = f"at {touchdown.speed_down:.2f} m/s downward"
+        elif touchdown.mean_force > limits.mean_force:
+            what = f"with {touchdown.mean_force:.1f} times its weight"
+        if what:
+            return f"hard landing: {side.value} foot {what}"
+    return ""
