@@ -1,5 +1,6 @@
 """What is installed works from any directory, whatever else is installed."""
 
+import hashlib
 import json
 import os
 import re
@@ -24,6 +25,11 @@ FILES = {
     for path in sorted((ROOT / folder).rglob("*"))
     if path.is_file() and "__pycache__" not in path.parts
 }
+MORE = ("pyproject.toml", "README.md", "LICENSE")
+WHAT_IS_INSTALLED = [
+    (name, hashlib.sha256(path.read_bytes()).hexdigest())
+    for name, path in (FILES | {name: ROOT / name for name in MORE}).items()
+]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
@@ -57,7 +63,7 @@ def wheel(folder: Path) -> Path:
     junk = shutil.ignore_patterns("__pycache__", "*.egg-info")
     for name in FOLDERS:
         shutil.copytree(ROOT / name, source / name, ignore=junk)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in MORE:
         shutil.copy(ROOT / name, source)
     build = "-m build --wheel --no-isolation --outdir".split()
     run(sys.executable, *build, folder, cwd=source)
@@ -119,10 +125,13 @@ def outcome(tmp_path_factory) -> tuple:
             names = archive.namelist()
         bin_folder = installed(tmp_path_factory.mktemp("environment"), built)
         elsewhere = tmp_path_factory.mktemp("elsewhere")
-        typed = only_the_typo_is_found(elsewhere, bin_folder / "python")
+        typed = [
+            only_the_typo_is_found(elsewhere, python)
+            for python in (sys.executable, bin_folder / "python")
+        ]
         return names, typed, *tried_elsewhere(bin_folder, elsewhere)
 
-    return run_cache.once(__name__, "", make)
+    return run_cache.once(__name__, f"{WHAT_IS_INSTALLED}", make)
 
 
 def test_the_wheel_carries_every_file_in_one_package(outcome):
@@ -134,9 +143,9 @@ def test_the_wheel_carries_every_file_in_one_package(outcome):
     assert {n for n in outcome[0] if ".dist-info/" not in n} == packed_as
 
 
-def test_the_wheel_is_typed(outcome):
+def test_the_wheel_and_an_editable_install_are_typed(outcome):
     """Oracle: mypy, on the README's Python and a misspelt name."""
-    assert outcome[1]
+    assert outcome[1] == [True, True]
 
 
 def test_commands_run_from_another_directory(outcome):
