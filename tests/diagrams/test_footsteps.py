@@ -173,7 +173,7 @@ def test_a_source_of_the_users_is_connected_by_its_name():
 
 def test_the_whole_robot_catches_itself_and_stands():
     """Oracle: the verdict, and more than ankles and hips hold: 0.44 m/s."""
-    scenario = load_scenario("stand")
+    scenario = load_scenario("stand", duration=5.5)
     scenario = scenario.with_push(delta_v=0.9, direction=30.0, at="0.2 s")
     summary = run_of(scenario).summary
     assert summary["recovered"], summary["reason"]
