@@ -1,7 +1,8 @@
 """What the tests have simulated, on disk: nothing is simulated twice.
 
-A run follows from the project's sources, the versions of what they use, and
-what they are given.  The results of other sources are removed.
+A run follows from the modules that it imports, the models, the versions of what
+they use, and what it is given: who changes another test, or a plot, simulates
+nothing anew.  The results of other sources are removed.
 """
 
 import contextlib
@@ -20,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from tests.source_files import ROOT
+from tests.source_files import ROOT, reached
 
 PACKAGES = ("drake", "numpy", "scipy", "mujoco", "daqp", "trimesh")
-FOLDERS = "nadia_balance diagrams docs/figures models scripts tests".split()
+FOLDERS = ("nadia_balance", "diagrams", "models", "scripts")  # have data
 
 folder: Path | None = None  # None: what is made is not kept on disk
 _made: dict[str, Any] = {}
@@ -32,18 +33,19 @@ _made: dict[str, Any] = {}
 def once(name: str, given: str, make: Callable[[], Any]) -> Any:
     """Returns what `make` returns, on this disk only once; do not change it.
 
-    `name` is that of the test's module, and `given` tells apart what it makes.
+    `name` is that of the module that makes it: what this one imports is read.
+    `given` tells apart what it makes, and has all else that it reads.
     """
     if (key := _digest(f"{name} {given}")) not in _made:
-        _made[key] = _kept(key, make) if folder else make()
+        _made[key] = _kept(name, key, make) if folder else make()
     return _made[key]
 
 
-def _kept(key: str, make: Callable) -> Any:
+def _kept(name: str, key: str, make: Callable) -> Any:
     """Whoever comes second waits for the first, and reads."""
-    ours = folder / sources()
+    ours = folder / name / sources(name)
     ours.mkdir(parents=True, exist_ok=True)
-    for old in {*folder.iterdir()} - {ours}:
+    for old in {*ours.parent.iterdir()} - {ours}:
         shutil.rmtree(old, ignore_errors=True)
     path = ours / key
     with open(path.with_suffix(".lock"), "w") as lock:
@@ -61,18 +63,30 @@ def _kept(key: str, make: Callable) -> Any:
     return made
 
 
+def sources(name: str) -> str:
+    """A fingerprint of all that a module of this name runs, and reads."""
+    return _fingerprint(frozenset(reached(name)))
+
+
 @functools.cache
-def sources() -> str:
-    """A fingerprint of the project's files, and of what runs them."""
+def _fingerprint(modules: frozenset[Path]) -> str:
+    texts = [_machine_and_data()]
+    for path in sorted(modules):
+        texts += [str(path), _digest((ROOT / path).read_bytes())]
+    return _digest("\n".join(texts))
+
+
+@functools.cache
+def _machine_and_data() -> str:
+    """What runs the modules, and our files that are no modules."""
     texts = [json.dumps(np.show_config("dicts")), platform.python_version()]
     # With the processor, above, what chooses the kernels of BLAS: their last
     # bits differ.
     texts.append(os.environ.get("OPENBLAS_CORETYPE", ""))
     texts += [f"{package} {version(package)}" for package in PACKAGES]
     paths = {path for name in FOLDERS for path in (ROOT / name).rglob("*.*")}
-    paths.add(ROOT / "pyproject.toml")  # of the wheel
     for path in sorted(filter(Path.is_file, paths)):
-        if path.suffix != ".pyc":
+        if path.suffix not in (".py", ".pyc"):
             texts += [str(path), _digest(path.read_bytes())]
     return _digest("\n".join(texts))
 

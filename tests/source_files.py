@@ -34,3 +34,35 @@ def imports(tree: ast.Module) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"line {node.lineno}: a relative import"
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@functools.cache
+def module_files() -> dict[str, Path]:
+    """The file of each of our modules, by the name of its import."""
+    ours = python_files("nadia_balance", "diagrams", "scripts", "tests")
+    files = {module_name(path).removesuffix(".__init__"): path for path in ours}
+    return files | {path.stem: path for path in python_files("docs/figures")}
+
+
+@functools.cache
+def _imported(path: Path) -> set[Path]:
+    """The files of ours that the file at `path` imports."""
+    files, found = module_files(), set()
+    for name in imports(syntax_tree(path)):
+        while name and name not in files:  # a name in a module
+            name = name.rpartition(".")[0]
+        found |= {files[name]} if name else set()
+    return found
+
+
+def reached(name: str) -> set[Path]:
+    """The files of the module `name`, and of all of ours that it imports.
+
+    Through others, too.  A package that is not imported itself is a docstring,
+    or the front door: then it is not among them.
+    """
+    found, todo = set(), {module_files()[name]}
+    while todo:
+        found |= todo
+        todo = set().union(*map(_imported, todo)) - found
+    return found

@@ -25,21 +25,10 @@ from nadia_balance.systems.ports import declare_output, input_port
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix
-from tests.diagrams.simulated import run_of
+from tests.diagrams.simulated import run_of, soon_pushed
 from tests.example_walks import MODEL
 
 PERIOD = 0.004
-# Lifts the foot at 0.45 s, and is about to put it down at 0.95 s.
-SOON = (
-    "mechanisms: all_with_cross_over, gait: {num_steps: 3, "
-    "initial_transfer_duration: 0.4, swing_duration: 0.5, "
-    "standing_duration: 0.05}%s"
-)
-PUSH = "{delta_v: 0.3, direction_deg: 90.0, at: right swing 25 %}"
-
-
-def scenario_of(more, controller=""):
-    return load_scenario("push", text=f"{{{SOON % controller}, {more}}}")
 
 
 def test_stepped_by_hand_it_gives_the_recorded_torques():
@@ -48,7 +37,7 @@ def test_stepped_by_hand_it_gives_the_recorded_torques():
     Asked once more between two ticks, when the robot has moved on, it still
     gives the torques of the tick.
     """
-    scenario = scenario_of(f"duration: 1.1, pushes: [{PUSH}]")
+    scenario = soon_pushed()
     robot, log = load_robot("nadia"), run_of(scenario).logs
     signal = WalkingSignal(log["walking_signal"].T)
     landed = np.flatnonzero(np.diff(signal.phase) < 0.0)

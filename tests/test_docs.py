@@ -62,7 +62,7 @@ def blocks(text: str, language: str) -> list[str]:
 
 def once(page: str, block: str, make: Callable, more: str = ""):
     """What comes of a block of a page; made once, see run_cache."""
-    return run_cache.once(page, block + more, make)
+    return run_cache.once(__name__, page + block + more, make)
 
 
 def said_by(code: str) -> str:
@@ -178,6 +178,8 @@ def test_some_lines_command_a_walk():
     """
     *_, block = blocks(DIAGRAM, "python")
     assert "(0.5, 0.3, 0.0, 0.2), (4.0, 0.0, 0.0, 0.0)" in block
+    assert "duration=8.0" in block
+    block = block.replace("8.0", "6.2")
 
     def walked() -> list[float]:
         names = {"nb": nb}

@@ -4,7 +4,6 @@ import ast
 import importlib
 import inspect
 import pkgutil
-import sys
 import tomllib
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from nadia_balance import engines, systems, view
 from tests import source_files
 from tests.scripts.running import ended, python
 from tests.source_files import ROOT
-from tests.type_checked import only_the_typo_is_found
 
 
 def test_a_scenario_is_simulated_by_its_name():
@@ -55,9 +53,8 @@ def test_what_a_type_checker_sees_is_what_python_imports():
     assert imports == nadia_balance._MODULES
 
 
-def test_an_editable_install_is_typed(tmp_path):
-    """Oracles: mypy, on the README's Python and a misspelt name; jedi."""
-    assert only_the_typo_is_found(tmp_path, sys.executable)
+def test_an_editor_completes_what_a_run_has():
+    """Oracle: jedi; for what mypy sees, see test_packaging."""
     code = "import nadia_balance as nb\nnb.simulate('push').summ"
     (completion,) = jedi.Script(code).complete()
     assert completion.name == "summary"

@@ -1,5 +1,6 @@
 """What is installed works from any directory, whatever else is installed."""
 
+import hashlib
 import json
 import os
 import re
@@ -27,6 +28,11 @@ FILES = {
     and path.suffix != ".so"
 }
 LIBRARY = "nadia_balance/core/math/libgeometry.so"
+MORE = ("pyproject.toml", "setup.py", "README.md", "LICENSE")
+WHAT_IS_INSTALLED = [
+    (name, hashlib.sha256(path.read_bytes()).hexdigest())
+    for name, path in (FILES | {name: ROOT / name for name in MORE}).items()
+]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
@@ -62,7 +68,7 @@ def copied(source: Path) -> list[str]:
     junk = shutil.ignore_patterns("__pycache__", "*.egg-info", "*.so")
     for name in FOLDERS:
         shutil.copytree(ROOT / name, source / name, ignore=junk)
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+    for name in MORE:
         shutil.copy(ROOT / name, source)
     return [sys.executable, *"-m build --wheel --no-isolation".split()]
 
@@ -129,10 +135,13 @@ def outcome(tmp_path_factory) -> tuple:
             names = archive.namelist()
         bin_folder = installed(tmp_path_factory.mktemp("environment"), built)
         elsewhere = tmp_path_factory.mktemp("elsewhere")
-        typed = only_the_typo_is_found(elsewhere, bin_folder / "python")
+        typed = [
+            only_the_typo_is_found(elsewhere, python)
+            for python in (sys.executable, bin_folder / "python")
+        ]
         return names, typed, *tried_elsewhere(bin_folder, elsewhere)
 
-    return run_cache.once(__name__, "", make)
+    return run_cache.once(__name__, f"{WHAT_IS_INSTALLED}", make)
 
 
 def test_the_wheel_carries_every_file_in_one_package(outcome):
@@ -147,9 +156,9 @@ def test_the_wheel_carries_every_file_in_one_package(outcome):
     }
 
 
-def test_the_wheel_is_typed(outcome):
+def test_the_wheel_and_an_editable_install_are_typed(outcome):
     """Oracle: mypy, on the README's Python and a misspelt name."""
-    assert outcome[1]
+    assert outcome[1] == [True, True]
 
 
 def test_commands_run_from_another_directory(outcome):

@@ -11,7 +11,7 @@ def errors_of(code: str, folder: Path, python: str | Path) -> list[str]:
     """The errors that mypy, strict, finds in `code`.
 
     `folder` has nothing of ours; `python` is the interpreter whose packages
-    are seen.
+    are seen.  What mypy knows of them is kept there for the next one.
     """
     (folder / "program.py").write_text(code)
     mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable"]

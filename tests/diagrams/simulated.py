@@ -29,6 +29,16 @@ def soon(scenario: Scenario) -> Scenario:
     return scenario.changed(gait=gait)
 
 
+def soon_pushed(text: str = "{}") -> Scenario:
+    """The scenario `push`, in the first swing, until the middle of the next.
+
+    It has what the YAML says, too.  The foot moves, and lands at 0.97 s.
+    """
+    scenario = soon(load_scenario("push", text=text, duration=1.2))
+    scenario.pushes[0].after_steps = 0
+    return scenario
+
+
 def diagram_of(text: str = "{}", plant: str = "humanoid"):
     """The closed loop of that scenario."""
     return closed_loop(scenario_of(text), plant)

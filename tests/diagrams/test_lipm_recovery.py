@@ -17,7 +17,7 @@ from tests.diagrams.simulated import run_of, simulated
 
 ALL = "all_with_cross_over"
 PUSH = "pushes: [{delta_v: 0.0, at: right swing 25 %}]"
-PUSH = f"{{gait: {{num_steps: 4}}, duration: 6, {PUSH}}}"
+PUSH = f"{{gait: {{num_steps: 4}}, lipm_period: 0.02, duration: 6, {PUSH}}}"
 
 
 def recovers(mechanisms, direction, delta_v, qp=None) -> bool:

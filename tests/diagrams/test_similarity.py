@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.diagrams.scenario import load_scenario
-from tests.diagrams.simulated import EARLY, run_of
+from tests.diagrams.simulated import run_of, soon_pushed
 from tests.scaled_robot import scaled_nadia
 
 SMALL = 0.25  # a power of 4: lengths and times are scaled without rounding
@@ -48,13 +48,7 @@ def test_a_pushed_robot_moves_as_at_the_origin():
     1e-6 m is the bar: coordinates of 1 km are rounded to 1e-13 m, which
     contacts and QPs make 6e-9 m within 2 s.
     """
-    push = "pushes: [{delta_v: 0.35, direction_deg: 60, at: 0.8 s}]"
-    rest = f"{push}, {EARLY % 'num_steps: 9'}"
-    near, far = (
-        load_scenario("push", text=f"{{{place}, {rest}}}")
-        for place in ("place: {}", FAR)
-    )
-    near, far = near.changed(duration=1.4), far.changed(duration=1.4)
+    near, far = soon_pushed(), soon_pushed(f"{{{FAR}}}")
     expected, found = (run_of(scenario).logs for scenario in (near, far))
     place = far.place.pose
     assert np.linalg.norm(np.ptp(expected["icp"], axis=0)) > 0.1

@@ -197,7 +197,7 @@ def test_the_papers_pushes_of_atlas_speed_up_the_swing_and_move_the_foot(
 
     The foot moves the way of the push.  On the point mass, which is quick.
     """
-    scenario = load_scenario(name, duration=10.0)
+    scenario = load_scenario(name, duration=10.0, lipm_period=0.02)
     scenario.pushes[0].after_steps = 0
     story = told(scenario, "lipm")
     assert story.summary["recovered"]

@@ -62,7 +62,7 @@ def test_a_hole_wider_than_the_reach_is_said_before_the_run(hole, crossed):
 @pytest.mark.parametrize("degrees, delta_v", [(0, 0.8), (180, 1), (90, 0.5)])
 def test_whole_soles_land_on_stones(degrees, delta_v):
     """Oracle: shapely; 1 cm from the edge, the controller keeps 2 cm."""
-    scenario = load_scenario("stepping_stones", duration=9.0)
+    scenario = load_scenario("stepping_stones", duration=9.0, lipm_period=0.02)
     (push,) = scenario.pushes
     push.direction_deg, push.delta_v = degrees, delta_v
     run = run_of(scenario, "lipm")
@@ -82,7 +82,7 @@ def test_whole_soles_land_on_stones(degrees, delta_v):
 
 def test_a_foot_beside_what_it_took_for_a_stone_ends_the_run():
     """Oracle: by hand; the controller takes the stones to be elsewhere."""
-    scenario = load_scenario("stepping_stones", duration=9.0)
+    scenario = load_scenario("stepping_stones", duration=9.0, lipm_period=0.02)
     ground = replace(scenario.terrain, error=GroundError(place=0.3), margin=0.0)
     scenario = scenario.changed(terrain=ground)
     run = run_of(scenario, "lipm")

@@ -6,7 +6,7 @@ import pytest
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.results.log import Log, steps
 from nadia_balance.robot.model import RobotModel, load_robot
-from tests.diagrams.simulated import EARLY, run_of, soon
+from tests.diagrams.simulated import run_of, soon, soon_pushed
 
 STILE = """
 regions:
@@ -93,13 +93,9 @@ def test_one_region_everywhere_gives_the_motion_of_flat_ground(tmp_path):
     """Oracle: the run on flat ground; a region rounds a foothold (3e-17 m)."""
     side = "vertices: [[-20, -20], [20, -20], [20, 20], [-20, 20]]"
     (tmp_path / "large.yaml").write_text(f"regions: [{{name: a, {side}}}]")
-    logs = []
-    for name in "flat", str(tmp_path / "large.yaml"):
-        text = f"{{terrain: {{name: {name}}}, {EARLY % 'num_steps: 3'}}}"
-        scenario = load_scenario("push", text=text, duration=1.4)
-        scenario.pushes[0].after_steps = 0
-        logs.append(run_of(scenario).logs)
-    flat, large = logs
+    name = tmp_path / "large.yaml"
+    scenarios = soon_pushed(), soon_pushed(f"{{terrain: {{name: {name}}}}}")
+    flat, large = (run_of(scenario).logs for scenario in scenarios)
     assert np.linalg.norm(steps(flat)[0].adjustment) > 0.1
     for name in (n for n in flat if flat[n].dtype.kind == "f"):
         np.testing.assert_allclose(large[name], flat[name], atol=1e-6)

@@ -20,27 +20,34 @@ def log():
     return made_up_run.make_log(made_up_run.Recipe())
 
 
-def test_writes_all_that_a_run_leaves_behind(log, tmp_path):
-    """Oracle: what is named exists and is not empty; nothing else does."""
+@pytest.fixture(scope="module")
+def written(log, tmp_path_factory):
+    """The folder of a run, and the names that `write_run` tells."""
     meshcat = start_meshcat()[0]
     pages.start_recording(meshcat)
+    path = folder.prepare_folder(tmp_path_factory.mktemp("run") / "new")
     summary = made_up_run.summary_of(log)
-    names = pages.write_run(
-        tmp_path, log, summary, scenario="robot: nadia\n", meshcat=meshcat
-    )
+    text = "robot: nadia\n"
+    return path, pages.write_run(path, log, summary, text, meshcat=meshcat)
+
+
+def test_writes_all_that_a_run_leaves_behind(log, written, tmp_path):
+    """Oracle: what is named exists and is not empty; nothing else does."""
+    path, names = written
     expected = ["replay.html", "log.npz", "summary.json", "scenario.yaml"]
     assert names == expected + PLOTS
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
-    assert all((tmp_path / name).stat().st_size > 10 for name in names)
-    assert (tmp_path / "scenario.yaml").read_text() == "robot: nadia\n"
+    assert sorted(p.name for p in path.iterdir()) == sorted(names)
+    assert all((path / name).stat().st_size > 10 for name in names)
+    assert (path / "scenario.yaml").read_text() == "robot: nadia\n"
+    short = made_up_run.cut(log, 1)  # has no plots
+    names = pages.write_run(tmp_path, short, made_up_run.summary_of(short), "")
+    assert names == expected[1:], "without Meshcat"
 
 
-def test_a_run_that_is_read_again_is_the_same(log, tmp_path):
+def test_a_run_that_is_read_again_is_the_same(log, written, tmp_path):
     """Oracle: the log bit by bit, its pictures to the last byte."""
-    first, again = (folder.prepare_folder(tmp_path / name) for name in "ab")
+    (first, _), again = written, tmp_path
     summary = made_up_run.summary_of(log)
-    names = pages.write_run(first, log, summary, "")
-    assert "replay.html" not in names, "without Meshcat"
     with np.load(first / "log.npz", allow_pickle=False) as data:
         log_again = dict(data)
     text = (first / "summary.json").read_text("utf-8")

@@ -148,14 +148,14 @@ class MadeUpRobot:
 def stepping_sweep(duration: float = 3.5) -> Sweep:
     """Steps in place on the point mass; a step takes 1 s, after 0.5 s.
 
-    A trial of it takes no more than half a second.
+    A trial of it takes no more than a quarter of a second.
     """
     steps = int(duration) + 1
     push = "pushes: [{delta_v: 0.1, at: right swing 25 %}]"
     scenario = load_scenario(
         "push",
         text=f"{{duration: {duration}, gait: {{num_steps: {steps}}}, {push}, "
-        "calm_steps: 0}",  # there is no time for any
+        "calm_steps: 0, lipm_period: 0.02}",  # there is no time for any
     )
     return Sweep(scenarios={"push": scenario}, plant="lipm")
 

@@ -60,7 +60,7 @@ def test_a_row_does_not_depend_on_what_was_tried_before():
 
 def test_the_robot_itself_gives_the_bits_of_one_run():
     """Oracle: as above, of the whole robot, which is pushed at a time."""
-    text = "{duration: 0.8, pushes: [{delta_v: 0, at: 0.3 s}]}"
+    text = "{duration: 0.5, pushes: [{delta_v: 0, at: 0.1 s}]}"
     sweep, cell = standing(text, "humanoid")
     cell = cell._replace(direction_deg=30.0)
     _, summary = judged(sweep, 0.2, cell)
@@ -108,7 +108,7 @@ def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     free = {"dashboard_address": "127.0.0.1:0"}  # a sweep may have Dask's own
     cluster = functools.partial(LocalCluster, scheduler_kwargs=free)
     monkeypatch.setattr(run_trial.distributed, "LocalCluster", cluster)
-    sweep, cell = stepping_sweep(), cell_to(120.0)
+    sweep, cell = stepping_sweep(2.0), cell_to(120.0)
     trials = (sweep, cell, 0.4, 1), (sweep, cell, 2.5, 0)
     make = run_trial.run_trial
     expected = [make(*trial) for trial in trials]

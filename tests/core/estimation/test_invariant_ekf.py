@@ -169,7 +169,7 @@ def test_the_error_moves_as_its_transition_says(monkeypatch):
 
 
 def test_a_filter_without_process_noise_is_least_squares(monkeypatch):
-    """Oracle: the start that fits 40 ticks of legs best, moved to the end.
+    """Oracle: the start that fits 20 ticks of legs best, moved to the end.
 
     Of all errors at once, by scipy, with a motion integrated here.  A filter
     that has turn and place in the gauge leaves these as they were, and what it
@@ -188,7 +188,7 @@ def test_a_filter_without_process_noise_is_least_squares(monkeypatch):
     first = gauged._replace(cov=block_diag(cov, np.zeros((3, 3))))
     root = np.linalg.cholesky(cov)
     truth, estimate = shifted(first, root @ rng.standard_normal(23)), first
-    imus = [np.concatenate((W, F)) * math.cos(0.1 * k) for k in range(40)]
+    imus = [np.concatenate((W, F)) * math.cos(0.1 * k) for k in range(20)]
     measured, weights, kept = [], [], gauged
     for imu in imus:
         truth = moved(truth, imu, 4)
