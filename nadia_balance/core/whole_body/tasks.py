@@ -197,6 +197,7 @@ class SwingFootTask:
             (3, 2, 1),
         )
         self._ankles = model.ankles
+        self._half = 0.5 * model.sole_length, 0.5 * model.sole_width
         # Of the orientation and of the position.
         self._kp = params.swing_orientation_gain, params.swing_position_gain
         self._kd = (
@@ -234,6 +235,9 @@ class SwingFootTask:
         arm = R_WF.dot(self._ankles[side])
         ankle[0] -= terms.sole_positions[side]
         ankle[0] -= arm
+        # The lowest corner is where the centre of a level sole would be.
+        ankle[0, 2] += self._half[0] * abs(R_WF[2, 0])
+        ankle[0, 2] += self._half[1] * abs(R_WF[2, 1])
         (x, y, z), (vx, vy, vz), (ax, ay, az) = ankle.tolist()
         tx, ty, tz = turn.tolist()
         rows, velocity = terms.at_point(side, arm)
