@@ -154,7 +154,7 @@ $(MADE)/figures/nadia_figure_4.png:
 	$(BIN)/python docs/figures/nadia_paper.py --out $(@D)
 
 clean:
-	rm -rf .venv build dist *.egg-info nadia_balance/core/math/*.so
+	rm -rf .venv build dist *.egg-info nadia_balance/core/math/*.so.1
 
 # Drake's wheel brings its libraries along, all but GLib.  Our geometry is
 # compiled.

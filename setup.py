@@ -21,8 +21,8 @@ class SharedLibrary(build_ext):
     """Compiles a library that ctypes loads: it needs no headers of Python."""
 
     def get_ext_filename(self, fullname: str) -> str:
-        """The library's path: no name of its own for each Python."""
-        return os.path.join(*fullname.split(".")) + ".so"
+        """The library's path: no name that Python takes for a module's."""
+        return os.path.join(*fullname.split(".")) + ".so.1"
 
     def build_extension(self, ext: Extension) -> None:
         """Compiles, or says in one line what to install."""

@@ -25,9 +25,9 @@ FILES = {
     for path in sorted((ROOT / folder).rglob("*"))
     if path.is_file()
     and "__pycache__" not in path.parts
-    and path.suffix != ".so"
+    and not path.name.endswith(".so.1")
 }
-LIBRARY = "nadia_balance/core/math/libgeometry.so"
+LIBRARY = "nadia_balance/core/math/libgeometry.so.1"
 MORE = ("pyproject.toml", "setup.py", "README.md", "LICENSE")
 WHAT_IS_INSTALLED = [
     (name, hashlib.sha256(path.read_bytes()).hexdigest())
@@ -65,7 +65,7 @@ def copied(source: Path) -> list[str]:
 
     Returns the command that builds the wheel there.
     """
-    junk = shutil.ignore_patterns("__pycache__", "*.egg-info", "*.so")
+    junk = shutil.ignore_patterns("__pycache__", "*.egg-info", "*.so.1")
     for name in FOLDERS:
         shutil.copytree(ROOT / name, source / name, ignore=junk)
     for name in MORE:
@@ -182,7 +182,7 @@ def test_says_what_to_install_where_there_is_no_compiler(tmp_path):
     )
     message = "nadia_balance needs a C compiler: apt-get install gcc libc6-dev"
     assert done.returncode and message in done.stdout.splitlines()
-    assert not [*source.rglob("*.so"), *source.rglob("*.whl")]
+    assert not [*source.rglob("*.so.1"), *source.rglob("*.whl")]
 
 
 def third_party_imports(*folders: str) -> set[str]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 FLOAT = np.dtype(float)
 
-_PATH = Path(__file__).with_name("libgeometry.so")
+_PATH = Path(__file__).with_name("libgeometry.so.1")
 _USUAL = 128  # numbers: an array type costs more than its memory
 
 

@@ -7,8 +7,8 @@ from nadia_balance.core.math import geometry
 
 def test_says_how_the_library_is_built(monkeypatch, tmp_path):
     """Oracle: the message has the file and the command."""
-    monkeypatch.setattr(geometry, "_PATH", tmp_path / "libgeometry.so")
-    with pytest.raises(ImportError, match="libgeometry.so.*pip install"):
+    monkeypatch.setattr(geometry, "_PATH", tmp_path / "libgeometry.so.1")
+    with pytest.raises(ImportError, match="libgeometry.so.1.*pip install"):
         geometry._library()
 
 
