@@ -24,7 +24,7 @@ from nadia_balance.core.walking.state import (
     whole_ticks,
 )
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.layers import Layer, merged
 from nadia_balance.parameters.yaml_reader import (
     check_types,
@@ -274,10 +274,10 @@ class Scenario:
         Raises:
             ValueError: neither push nor `delta_v`, or a value is invalid.
         """
-        if not self.pushes and delta_v is None:
-            raise ValueError(
-                "pushes = []: must have a push, or delta_v be given"
-            )
+        require(
+            bool(self.pushes) or delta_v is not None,
+            "pushes = []: must have a push, or delta_v be given",
+        )
         if at == STANDING:
             return self.standing().with_push(direction, delta_v, None, shape)
         walks = self.gait.has_steps or self.commands
@@ -377,17 +377,17 @@ class Scenario:
         )
         for push in self.pushes:
             moment = push.moment
-            if moment.phase is None and not moment.time < self.duration:
-                raise ValueError(
-                    f"at = {push.at!r}: must be before duration = "
-                    f"{self.duration} s"
-                )
+            require(
+                moment.phase is not None or moment.time < self.duration,
+                f"at = {push.at!r}: must be before duration = "
+                f"{self.duration} s",
+            )
         times = [command.time for command in self.commands]
         for i, (last, time) in enumerate(itertools.pairwise(times), 1):
-            if time <= last:
-                raise ValueError(
-                    f"commands[{i}].time = {time}: must be later than {last} s"
-                )
+            require(
+                time > last,
+                f"commands[{i}].time = {time}: must be later than {last} s",
+            )
 
     def _contradictions(self) -> Iterator[tuple[str, str]]:
         """Fields that do not fit the others, and what they must do."""
@@ -492,10 +492,10 @@ def _layers_of_user(
     source = f"scenario_file = {filename}"
     if filename is None:
         names = scenario_names()
-        if name not in names:
-            raise ValueError(
-                f"scenario_name = {name!r}: must be one of {', '.join(names)}"
-            )
+        require(
+            name in names,
+            f"scenario_name = {name!r}: must be one of {', '.join(names)}",
+        )
         source, filename = "scenario", names[name]
     elif not Path(filename).is_file():
         raise FileNotFoundError(f"{source}: no such file")
@@ -507,16 +507,18 @@ def _layers_of_user(
         with naming("scenario_text"):
             tree = load_tree(text)
             check_types(Scenario, tree)
-        if "units" in tree:
-            raise ValueError(
-                f"units = {tree['units']!r}: must be in a scenario_file; "
-                "scenario_text is in SI units"
-            )
+        require(
+            "units" not in tree,
+            f"units = {tree.get('units')!r}: must be in a scenario_file; "
+            "scenario_text is in SI units",
+        )
         yield Layer("scenario_text", tree)
     fields = {key: value for key, value in changes.items() if value is not None}
     for key in fields:
-        if key not in field_types(Scenario):
-            raise ValueError(f"{key}: must be a field of a Scenario")
+        require(
+            key in field_types(Scenario),
+            f"{key}: must be a field of a Scenario",
+        )
     yield Layer("flag", fields)
 
 

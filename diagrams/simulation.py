@@ -25,6 +25,7 @@ from nadia_balance.diagrams.verdict import (
     push_signal,
     run_info,
 )
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import one_line
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.summary import Run
@@ -71,8 +72,10 @@ def _walked_by(
     """
     gait, step = scenario.gait, scenario.gait.step
     commands = list(scenario.commands)
-    if gait.steps or gait.footholds:
-        raise ValueError("gait: must have num_steps with a policy")
+    require(
+        not gait.steps and not gait.footholds,
+        "gait: must have num_steps with a policy",
+    )
     if gait.num_steps:
         duration = gait.swing_duration + gait.transfer_duration
         command = Command(
@@ -230,10 +233,10 @@ def advance(
     Raises:
         ValueError: the duration is negative, or no number.
     """
-    if not 0.0 <= duration <= LONGEST:
-        raise ValueError(
-            f"duration = {duration}: must be in [0, {LONGEST:g}] s"
-        )
+    require(
+        0.0 <= duration <= LONGEST,
+        f"duration = {duration}: must be in [0, {LONGEST:g}] s",
+    )
     diagram = cast(ClosedLoop, simulator.get_system())
     context = simulator.get_mutable_context()
     with until_ctrl_c() as pressed:

@@ -14,7 +14,7 @@ from nadia_balance.core.body.ground import (
 )
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import ContactSchedule, FootPoses, Side
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.scaling import NADIA, Size
 from nadia_balance.parameters.yaml_reader import load_typed
 
@@ -63,11 +63,11 @@ class Terrain:
         Raises:
             ValueError: it has none, as the ground is not seen.
         """
-        if not self.seen and self.error != GroundError():
-            raise ValueError(
-                f"terrain.error = {self.error}: must not be given with "
-                "seen = False"
-            )
+        require(
+            self.seen or self.error == GroundError(),
+            f"terrain.error = {self.error}: must not be given with "
+            "seen = False",
+        )
 
     def ground(self, sole: Array, size: Size = NADIA) -> Ground | None:
         """Returns the true ground; None: flat.
@@ -111,11 +111,11 @@ class Terrain:
 
     def _regions(self, size: Size) -> tuple[Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
-        if not path.is_file():
-            raise ValueError(
-                f"terrain.name = {self.name!r}: must be a YAML file, or one of "
-                f"{', '.join((FLAT, *COURSES))}"
-            )
+        require(
+            path.is_file(),
+            f"terrain.name = {self.name!r}: must be a YAML file, or one of "
+            f"{', '.join((FLAT, *COURSES))}",
+        )
         file = load_typed(RegionFile, f"terrain {self.name}", filename=path)
         check(file)
         along = leg = 1.0
@@ -159,11 +159,11 @@ def check_start(
     check_friction(ground, friction)
     for side in Side:
         for foot in standing_on(ground, feet)[side], feet[side]:
-            if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
-                raise ValueError(
-                    f"{side.value} foot at the start: its region must be "
-                    "level, at height 0, and known to be so"
-                )
+            require(
+                foot.p_WF[2] == 0.0 and foot.normal[2] == 1.0,
+                f"{side.value} foot at the start: its region must be "
+                "level, at height 0, and known to be so",
+            )
 
 
 def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:

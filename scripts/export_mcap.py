@@ -13,6 +13,7 @@ from pydrake.geometry import Ellipsoid, Rgba, Role, Sphere
 from pydrake.math import RigidTransform
 
 from nadia_balance.palette import COP, FLOOR, ICP, ICP_REFERENCE, rgba
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import _VIEWS, Log
@@ -102,8 +103,10 @@ def _columns(log: Log, robot: RobotModel) -> dict[str, list[str]]:
         if values.ndim == 2 and len(values) == len(log["t"]):
             numbered = [f"column_{i}" for i in range(values.shape[1])]
             columns[name] = [str(one) for one in names.get(name, numbered)]
-            if len(columns[name]) != len(numbered):
-                raise ValueError(f"{name} has {len(numbered)} columns")
+            require(
+                len(columns[name]) == len(numbered),
+                f"{name} has {len(numbered)} columns",
+            )
     return columns
 
 

@@ -12,6 +12,7 @@ from trimesh import Trimesh, bounds, creation
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
+from nadia_balance.parameters.bounds import require
 
 Vector = Any  # array (3,): Drake's stubs name no type of numpy's
 VISUAL, COLLIDING = "visual", "collision"
@@ -289,12 +290,12 @@ class Description:
         ]
         tree = {link for base in free for link in self.below(base)}
         loop = [link for link in self.links if link not in tree]
-        if len(bases) != 1 or loop:
-            raise ValueError(
-                f"floating bases: must be one; these are: "
-                f"{', '.join(bases) or 'none'}; links in closed loops: "
-                f"{', '.join(loop) or 'none'}"
-            )
+        require(
+            len(bases) == 1 and not loop,
+            f"floating bases: must be one; these are: "
+            f"{', '.join(bases) or 'none'}; links in closed loops: "
+            f"{', '.join(loop) or 'none'}",
+        )
         self.root = bases[0]
 
     def children(self, link: str) -> list[Joint]:

@@ -31,6 +31,7 @@ from nadia_balance.new_robot.measure import measure, size_of, widths
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_urdf
 from nadia_balance.new_robot.read_mjcf import read_mjcf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.scaling import NADIA
 
 # Rotor inertia over mass and squared leg, of Nadia: 0.1 kg m^2 are assumed.
@@ -117,11 +118,10 @@ def _clean(
     legs = two_legs(robot, named)
     of_legs = {name for leg in legs for name in leg.joints}
     for joint in list(robot.joints.values()):
-        if joint.type not in ("revolute", "continuous", "prismatic"):
-            raise ValueError(
-                f"joint {joint.name}: {joint.type}: must be revolute or "
-                "prismatic"
-            )
+        require(
+            joint.type in ("revolute", "continuous", "prismatic"),
+            f"joint {joint.name}: {joint.type}: must be revolute or prismatic",
+        )
         reason = _undriven(joint)
         if joint.name in of_legs:
             _check_of_leg(joint, reason)
@@ -152,8 +152,7 @@ def _fixed(robot: Description, fix: Sequence[str], notes: Notes) -> list[str]:
             raise ValueError(
                 f"fix = {expression!r}: must be a regular expression ({error})"
             ) from None
-        if not names:
-            raise ValueError(f"fix = {expression!r}: must match a joint")
+        require(len(names) > 0, f"fix = {expression!r}: must match a joint")
         notes.add("changed", "welded as asked", *names)
         fixed += names
     return fixed
@@ -172,16 +171,16 @@ def _undriven(joint: Joint) -> str:
 
 def _check_of_leg(joint: Joint, reason: str) -> None:
     """Refuses a leg's joint that is `undriven`, or turns for ever."""
-    if reason or joint.type == "continuous":
-        raise ValueError(
-            f"joint {joint.name}: {reason or joint.type}: must be a hinge with "
-            "range and effort (MJCF: forcerange)"
-        )
-    if max(-joint.lower, joint.upper) > _TURN:
-        raise ValueError(
-            f"joint {joint.name}: range of {joint.lower:.4g} to "
-            f"{joint.upper:.4g}: must be within +-2 pi; units are rad"
-        )
+    require(
+        not reason and joint.type != "continuous",
+        f"joint {joint.name}: {reason or joint.type}: must be a hinge with "
+        "range and effort (MJCF: forcerange)",
+    )
+    require(
+        max(-joint.lower, joint.upper) <= _TURN,
+        f"joint {joint.name}: range of {joint.lower:.4g} to "
+        f"{joint.upper:.4g}: must be within +-2 pi; units are rad",
+    )
 
 
 def _check_units(robot: Description, leg: Leg) -> None:
@@ -190,19 +189,19 @@ def _check_units(robot: Description, leg: Leg) -> None:
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     mass = robot.mass(robot.links)
     smallest, largest = _DENSITY * length**3
-    if not smallest < mass < largest:
-        raise ValueError(
-            f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
-            f"({smallest:.3g}, {largest:.3g}) kg; units are kg and m"
-        )
+    require(
+        smallest < mass < largest,
+        f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
+        f"({smallest:.3g}, {largest:.3g}) kg; units are kg and m",
+    )
     for link in robot.links.values():
         distance = np.linalg.norm(link.M.get_com())
-        if distance > 3.0 * length:
-            raise ValueError(
-                f"link {link.name}: centre of mass: must be within "
-                f"{3.0 * length:.3g} m of its origin; it is {distance:.3g} m "
-                "away"
-            )
+        require(
+            distance <= 3.0 * length,
+            f"link {link.name}: centre of mass: must be within "
+            f"{3.0 * length:.3g} m of its origin; it is {distance:.3g} m "
+            "away",
+        )
 
 
 def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
@@ -258,8 +257,7 @@ def _take_rotors(robot: Description, file: Path) -> None:
         for joint in _read(file, [], Notes()).joints.values()
         if joint.rotor_inertia and joint.name in robot.joints
     }
-    if not inertias:
-        raise ValueError(f"armature = {file}: must have rotor inertias")
+    require(len(inertias) > 0, f"armature = {file}: must have rotor inertias")
     for name, inertia in inertias.items():
         robot.joints[name].rotor_inertia = inertia
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 
+from nadia_balance.parameters.bounds import require
+
 
 def read_npz(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """Reads all arrays of an npz file.
@@ -27,8 +29,10 @@ def read_npz(path: Path) -> dict[str, np.ndarray[Any, Any]]:
         for entry in archive.infolist():
             with archive.open(entry) as file:
                 shape, dtype = _header(file)
-            if math.prod(shape) * dtype.itemsize > entry.file_size:
-                raise ValueError(f"{entry.filename} says it is {shape}")
+            require(
+                math.prod(shape) * dtype.itemsize <= entry.file_size,
+                f"{entry.filename} says it is {shape}",
+            )
     with np.load(path, allow_pickle=False) as data:
         return dict(data)
 
@@ -39,7 +43,6 @@ def _header(file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
         (2, 0): npy.read_array_header_2_0,
     }
     version = npy.read_magic(file)
-    if version not in read:
-        raise ValueError(f"is of version {version}")
+    require(version in read, f"is of version {version}")
     shape, _, dtype = read[version](file)
     return shape, dtype

@@ -17,6 +17,7 @@ from nadia_balance.core.walking.mechanisms import (
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import MODELS
 from nadia_balance.sweep.lipm_limit import LipmLimit
@@ -301,8 +302,7 @@ def limits_of(
     push = scenario.pushes[0]
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram)
-    if not run.until:
-        raise ValueError(f"at = {push.at!r}: must be in the walk")
+    require(run.until, f"at = {push.at!r}: must be in the walk")
     limit = limit_from(
         diagram, context, model=robot.point_mass, push_duration=push.duration
     )

@@ -181,11 +181,11 @@ def search(
         ValueError: this process has another code or robot than `identity`.
     """
     for name, value in of_process(sweep.one, sweep.controller).items():
-        if identity.get(name, value) != value:
-            raise ValueError(
-                f"{name} = {value}: must be {identity[name]}, as when the "
-                "sweep began"
-            )
+        require(
+            identity.get(name, value) == value,
+            f"{name} = {value}: must be {identity.get(name)}, as when the "
+            "sweep began",
+        )
     results: Results = {}
     rows = []
     while batch := sweep.attempts(cell, results):
