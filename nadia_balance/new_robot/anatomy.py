@@ -163,8 +163,8 @@ def _sign(
     """+1 if `forward` (3,) is, and legs[0] the left one; -1 if not."""
     for name, side in FEET.items():
         if named.get(name):
-            first = robot.holder(named[name]) == legs[0].foot
-            return float(side.sign if first else -side.sign)
+            is_first = robot.holder(named[name]) == legs[0].foot
+            return float(side.sign if is_first else -side.sign)
     ahead = [_back(robot, leg, forward) for leg in legs]
     if min(ahead) * max(ahead) < 1e-4:
         poses = robot.poses()
@@ -192,8 +192,12 @@ def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
         f"lateral axis; it has {', '.join(pitches) or 'none'}",
     )
     hip, *inner, ankle = pitches
-    ends = [hinges[hip], hinges[ankle]]
-    bones = {n: np.linalg.norm(ends - hinges[n], axis=1).min() for n in inner}
+    bones = {
+        name: min(
+            np.linalg.norm(hinges[end] - hinges[name]) for end in (hip, ankle)
+        )
+        for name in inner
+    }
     knee = max(inner, key=bones.__getitem__)
     require(
         inner[-1] == knee or bones[inner[-1]] >= _TOE * bones[knee],

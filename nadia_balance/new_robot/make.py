@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import yaml
@@ -104,9 +103,11 @@ def _read(file: Path, roots: Sequence[Path], notes: Notes) -> Description:
         top = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:
         raise ValueError(f"{file}: must be XML ({error})") from None
-    if top.tag == "mujoco":
-        return read_mjcf(file, notes)
-    return read_urdf(top, file, roots=roots, notes=notes)
+    return (
+        read_mjcf(file, notes)
+        if top.tag == "mujoco"
+        else read_urdf(top, file, roots=roots, notes=notes)
+    )
 
 
 def _clean(
@@ -223,8 +224,10 @@ def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
         _doubt_pair([robot.joints[name] for name in names], robot, notes)
     for side, leg in anatomy.legs.items():
         for name in (leg.foot, *leg.joints):
-            words = [word.lower() for word in _WORDS.findall(name)]
-            if -side.sign in map(_SIDES.get, words):
+            if any(
+                _SIDES.get(word.lower()) == -side.sign
+                for word in _WORDS.findall(name)
+            ):
                 notes.add(
                     "warning",
                     "left and right swapped? On the other side, seen forward",
@@ -328,9 +331,11 @@ def write_urdf(robot: Description, ignored: Pairs, folder: Path) -> None:
     )
 
 
-def _tag(tag: str, *children: Element, **attributes: Any) -> Element:
+def _tag(
+    tag: str, *children: ElementTree.Element, **attributes: Any
+) -> ElementTree.Element:
     """A tag whose attributes are texts, or numbers."""
-    element = Element(tag)
+    element = ElementTree.Element(tag)
     for key, value in attributes.items():
         if not isinstance(value, str):
             value = " ".join(f"{number:.9g}" for number in np.ravel(value))
@@ -339,16 +344,19 @@ def _tag(tag: str, *children: Element, **attributes: Any) -> Element:
     return element
 
 
-def _origin(X: RigidTransform) -> Element:
+def _origin(X: RigidTransform) -> ElementTree.Element:
     return _tag(
         "origin", xyz=X.translation(), rpy=RollPitchYaw(X.rotation()).vector()
     )
 
 
-def _inertial(link: Link) -> Element:
-    moments = [*link.central().get_moments(), *link.central().get_products()]
+def _inertial(link: Link) -> ElementTree.Element:
+    central = link.central()
     # All digits, which Drake needs to find it possible.
-    digits = [repr(float(moment)) for moment in moments]
+    digits = [
+        repr(float(moment))
+        for moment in (*central.get_moments(), *central.get_products())
+    ]
     return _tag(
         "inertial",
         _tag("origin", xyz=link.M.get_com()),
@@ -357,7 +365,7 @@ def _inertial(link: Link) -> Element:
     )
 
 
-def _shape(shape: Shape, folder: Path, name: str) -> Element:
+def _shape(shape: Shape, folder: Path, name: str) -> ElementTree.Element:
     solid = _tag(
         shape.kind if shape.kind in _OF_URDF else DRAKE + shape.kind,
         **shape.size,
@@ -392,36 +400,35 @@ def _write_mesh(shape: Shape, folder: Path, name: str) -> str:
     file.parent.mkdir(exist_ok=True)
     mesh = shape.mesh.copy()
     if len(mesh.faces) > _FACES:  # vertices within 1 cm, or less, merge
-        digits = int(np.ceil(1.0 - np.log10(mesh.extents.max())))
-        mesh.merge_vertices(digits_vertex=max(digits, 2))
+        digits = np.ceil(1.0 - np.log10(mesh.extents.max()))
+        mesh.merge_vertices(digits_vertex=max(int(digits), 2))
         mesh.update_faces(mesh.unique_faces() & mesh.nondegenerate_faces())
     mesh.export(file, include_normals=False, include_texture=False)
     return file.name
 
 
-def _joint(joint: Joint) -> Element:
-    limit = _tag(
-        "limit", lower=joint.lower, upper=joint.upper, effort=joint.effort
-    )
-    if joint.speed:
-        limit.set("velocity", f"{joint.speed:.9g}")
-    element = _tag(
+def _joint(joint: Joint) -> ElementTree.Element:
+    return _tag(
         "joint",
         _origin(joint.X_PC),
         _tag("parent", link=joint.parent),
         _tag("child", link=joint.child),
         _tag("axis", xyz=joint.axis),
-        limit,
+        _tag(
+            "limit",
+            lower=joint.lower,
+            upper=joint.upper,
+            effort=joint.effort,
+            **({"velocity": joint.speed} if joint.speed else {}),
+        ),
+        *([_tag("dynamics", damping=joint.damping)] if joint.damping else []),
         name=joint.name,
         type="revolute",
     )
-    if joint.damping:
-        element.append(_tag("dynamics", damping=joint.damping))
-    return element
 
 
-def _transmission(joint: Joint) -> Element:
-    kind = Element("type")
+def _transmission(joint: Joint) -> ElementTree.Element:
+    kind = ElementTree.Element("type")
     kind.text = "transmission_interface/SimpleTransmission"
     return _tag(
         "transmission",

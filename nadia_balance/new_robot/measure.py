@@ -132,10 +132,10 @@ def _geometry(
     left, right = (poses[foot] @ p_FS for foot in anatomy.feet.values())
     ground = float(0.5 * (left + right)[2])
     com = float(robot.com(poses)[2])
-    pitches = [leg.pitches for leg in anatomy.legs.values()]
+    left_leg, right_leg = anatomy.legs.values()
     hips, _, ankles = (
         float(robot.hinges(names, poses)[0][:, 2].mean())
-        for names in zip(*pitches, strict=True)
+        for names in zip(left_leg.pitches, right_leg.pitches, strict=True)
     )
     return com - ground, LegGeometry(
         length=length,
@@ -176,8 +176,11 @@ def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
         foot: find_sole(robot.links[foot], R_RL[foot].inverse() @ -up)
         for foot in anatomy.feet.values()
     }
-    ups = dict.fromkeys((robot.root, anatomy.torso), up)
-    ups |= {foot: R_RL[foot] @ -sole.down for foot, sole in soles.items()}
+    ups = {
+        robot.root: up,
+        anatomy.torso: up,
+        **{foot: R_RL[foot] @ -sole.down for foot, sole in soles.items()},
+    }
     for link, z in ups.items():
         y = np.cross(z, forward)
         y /= np.linalg.norm(y)
@@ -340,9 +343,12 @@ def _posture(
         poses = robot.poses(angles)
         com = robot.com(poses)
         feet = [poses[leg.foot] for leg in legs]
-        ahead = [(X_RF @ p_FS - com)[0] for X_RF in feet]
-        tilts = [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
-        return np.array(ahead + tilts)
+        return np.array(
+            [
+                *((X_RF @ p_FS - com)[0] for X_RF in feet),
+                *(X_RF.rotation().matrix()[2, 0] for X_RF in feet),
+            ]
+        )
 
     for bend in _BENDS:
         for name, knee in knees.items():

@@ -343,8 +343,10 @@ def _inertia(part: _Part, link: Link, notes: Notes) -> SpatialInertia:
     if not mass:
         return SpatialInertia.Zero()
     com: Vector = X.translation()
-    moments = [part.number("inertial/inertia", key) for key in MOMENTS]
-    given = np.take(moments, [[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    given = np.take(
+        [part.number("inertial/inertia", key) for key in MOMENTS],
+        [[0, 3, 4], [3, 1, 5], [4, 5, 2]],
+    )
     if link.shapes and not given.any():
         notes.add("changed", "moments of inertia of 0, now of a box", link.name)
         return SpatialInertia.SolidBoxWithMass(
@@ -368,6 +370,8 @@ def _possible(inertia: Array, mass: float) -> Array:
     largest = int(moments.argmax())
     rest = moments.sum() - moments[largest]
     moments[largest] = min(moments[largest], 0.999 * rest)
-    if (moments == given).all():
-        return inertia
-    return np.asarray(axes @ np.diag(moments) @ axes.T)
+    return (
+        inertia
+        if (moments == given).all()
+        else np.asarray(axes @ np.diag(moments) @ axes.T)
+    )

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import trimesh
@@ -345,15 +345,17 @@ def _shoe(
     radius = min(2.0 / 3.0 * half_width, 0.25 * length)
     y = half_width - radius
     z += _SHOE_ABOVE_SOLE + radius
-    centres: Vector = [(0.5 * (x_min + x_max), side, z) for side in (y, -y)]
     return [
         _solid(
             "capsule",
-            RigidTransform(RotationMatrix.MakeYRotation(0.5 * np.pi), centre),
+            RigidTransform(
+                RotationMatrix.MakeYRotation(0.5 * np.pi),
+                cast(Vector, [0.5 * (x_min + x_max), side, z]),
+            ),
             radius=radius,
             length=0.9 * length - 2.0 * radius,
         )
-        for centre in centres
+        for side in (y, -y)
     ]
 
 
