@@ -88,13 +88,13 @@ class Bounds(NamedTuple):
             opening = "[" if self.above is None else "("
             closing = "]" if self.below is None else ")"
             return f"in {opening}{low:g}, {high:g}{closing}{unit}"
-        if low is not None:
-            rule = f"{'>=' if self.above is None else '>'} {low:g}{unit}"
-        else:
-            rule = f"{'<=' if self.below is None else '<'} {high:g}{unit}"
-        if self.finite and not math.isfinite(value):
-            return f"finite and {rule}"
-        return rule
+        rule = (
+            f"{'<=' if self.below is None else '<'} {high:g}{unit}"
+            if low is None
+            else f"{'>=' if self.above is None else '>'} {low:g}{unit}"
+        )
+        is_infinite = self.finite and not math.isfinite(value)
+        return f"finite and {rule}" if is_infinite else rule
 
 
 UNBOUNDED = Bounds()

@@ -5,6 +5,7 @@ import functools
 import itertools
 import re
 import types
+from collections import Counter
 from pathlib import Path
 from typing import (
     Any,
@@ -132,14 +133,12 @@ def _check_size(text: str) -> None:
     )
     depth = 0
     for number, event in enumerate(yaml.parse(text, Loader=_Loader)):
-        if number > MOST_NODES:
-            raise ValueError(f"must have at most {MOST_NODES} values")
+        require(number <= MOST_NODES, f"must have at most {MOST_NODES} values")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
-        if depth > DEEPEST:
-            raise ValueError(f"must be nested at most {DEEPEST} deep")
+        require(depth <= DEEPEST, f"must be nested at most {DEEPEST} deep")
 
 
 def _check_nodes(text: str) -> None:
@@ -173,13 +172,11 @@ def _check_nodes(text: str) -> None:
 
 
 def _check_keys(node: yaml.MappingNode) -> None:
-    seen = set()
-    for key, _ in node.value:
-        if isinstance(key, yaml.ScalarNode):
-            require(
-                key.value not in seen, f"{key.value}: must be given only once"
-            )
-            seen.add(key.value)
+    counts = Counter(
+        key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)
+    )
+    for key, count in counts.items():
+        require(count == 1, f"{key}: must be given only once")
 
 
 def _check_number(node: yaml.ScalarNode) -> None:
