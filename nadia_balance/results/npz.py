@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy
 
 from nadia_balance.parameters.bounds import require
 
@@ -39,10 +38,10 @@ def read_npz(path: Path) -> dict[str, np.ndarray[Any, Any]]:
 
 def _header(file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     read = {
-        (1, 0): npy.read_array_header_1_0,
-        (2, 0): npy.read_array_header_2_0,
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
     }
-    version = npy.read_magic(file)
+    version = np.lib.format.read_magic(file)
     require(version in read, f"is of version {version}")
     shape, _, dtype = read[version](file)
     return shape, dtype
