@@ -189,8 +189,10 @@ def _add_floor(meshcat: Meshcat) -> None:
     """Adds a floor and its grid, just below the soles and all drawings."""
     size, half = _FLOOR, 0.5 * LINE
     ticks = np.arange(-size, size + half, _CELL)
-    lines = [(x - half, x + half, -size, size) for x in ticks]
-    lines += [(-size, size, y - half, y + half) for y in ticks]
+    lines = [
+        *((x - half, x + half, -size, size) for x in ticks),
+        *((-size, size, y - half, y + half) for y in ticks),
+    ]
     # Each is one mesh of rectangles (x_min, x_max, y_min, y_max) at height z.
     for name, rectangles, z, color in (
         ("plane", [(-size, size, -size, size)], -0.004, palette.FLOOR),
@@ -198,11 +200,13 @@ def _add_floor(meshcat: Meshcat) -> None:
     ):
         x0, x1, y0, y1 = np.transpose(rectangles)
         xy = np.array([[x0, x1, x1, x0], [y0, y0, y1, y1]])  # (2, 4, n)
-        corners: Any = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
+        corners = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
         a, b, c, d = np.arange(xy[0].size, dtype=np.int32).reshape(4, -1)
-        triangles: Any = np.hstack([[a, b, c], [a, c, d]])
         meshcat.SetTriangleMesh(
-            f"/Floor/{name}", corners, triangles, palette.rgba(color)
+            path=f"/Floor/{name}",
+            vertices=cast(Any, corners),
+            faces=cast(Any, np.hstack([[a, b, c], [a, c, d]])),
+            rgba=palette.rgba(color),
         )
 
 
@@ -241,7 +245,7 @@ class Drawing:
 
 
 def add_marker(
-    meshcat: Meshcat, path: str, shape: Shape, color: str
+    meshcat: Meshcat, path: str, shape: Shape, color: str, opacity: float = 0.99
 ) -> Drawing:
     """Adds a small object that is seen through the robot.
 
@@ -250,12 +254,13 @@ def add_marker(
         path: path of the object.
         shape: shape of the object.
         color: colour, written #rrggbb.
+        opacity: < 1.
 
     Returns:
         The object, hidden.
     """
     # Transparent objects are painted after all opaque ones.
-    meshcat.SetObject(path, shape, palette.rgba(color, 0.99))
+    meshcat.SetObject(path, shape, palette.rgba(color, opacity))
     meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
     meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
     return Drawing(meshcat, path)
@@ -320,9 +325,12 @@ def add_polygon(
     j = np.roll(i, -1)
     fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
     edges = np.hstack([[i, j, j + count], [i, j + count, i + count]])
-    points: Any = np.vstack([corners, _inset(corners)]).T
-    triangles: Any = np.hstack([fan] * filled + [edges] * outlined)
-    meshcat.SetTriangleMesh(path, points, triangles, color)
+    meshcat.SetTriangleMesh(
+        path=path,
+        vertices=cast(Any, np.vstack([corners, _inset(corners)]).T),
+        faces=cast(Any, np.hstack([fan] * filled + [edges] * outlined)),
+        rgba=color,
+    )
     # Objects that are painted later, but lie lower, must stay visible.
     if color.a() < 1.0:
         meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)
