@@ -161,9 +161,8 @@ class Rows:
         Raises:
             OSError: it cannot be written.
         """
-        row = {name: row.get(name) for name in COLUMNS}
+        row = with_digits({n: row.get(n) for n in COLUMNS}, FROM_SUMMARY)
         row["reason"] = " ".join((row["reason"] or "").split())
-        row = with_digits(row, FROM_SUMMARY)
         file = cast(TextIO, self.file)
         csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row)
         file.flush()
