@@ -133,8 +133,8 @@ class LipmDiagram(ClosedLoop):
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             plant_context = self.plant.GetMyMutableContextFromRoot(context)
-            state = plant_context.get_mutable_discrete_state(0)
-            state.get_mutable_value()[:2] += rng.uniform(-1e-5, 1e-5, 2)
+            x = plant_context.get_mutable_discrete_state(0).get_mutable_value()
+            x[:2] += rng.uniform(-1e-5, 1e-5, 2)
 
     def fall_reason(self, context: Context) -> str:
         """Returns the criterion by which it has fallen.

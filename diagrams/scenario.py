@@ -234,9 +234,11 @@ class Scenario:
     @property
     def delay(self) -> float:
         """The delay [s] from measurement to controller."""
-        if self.sensors == "perfect":
-            return self.imperfections.delay
-        return self.imperfections.delay + load_sensors(self.sensors).delay
+        return self.imperfections.delay + (
+            0.0
+            if self.sensors == "perfect"
+            else load_sensors(self.sensors).delay
+        )
 
     def start(self, model: PointMassModel) -> WalkingState:
         """Returns the walking state of the standing robot at the start.
@@ -280,9 +282,8 @@ class Scenario:
         )
         if at == STANDING:
             return self.standing().with_push(direction, delta_v, None, shape)
-        walks = self.gait.has_steps or self.commands
         first, *others = copy.deepcopy(self.pushes) or [
-            Push(at=AT if walks else STANDING_AT)
+            Push(at=AT if self.gait.has_steps or self.commands else STANDING_AT)
         ]
         if shape is not None:
             first.shape = shape
@@ -465,11 +466,11 @@ def load_scenario(
         },
     )
     check(chosen)
+    ideal = IDEAL_WHOLE_BODY if chosen.fidelity == "ideal" else {}
     robot_layers = [
-        Layer("robot.yaml", _of_whole_body(whole_body_tree(chosen.robot)))
+        Layer("robot.yaml", _of_whole_body(whole_body_tree(chosen.robot))),
+        Layer("fidelity", _of_whole_body(ideal)),
     ]
-    if chosen.fidelity == "ideal":
-        robot_layers.append(Layer("fidelity", _of_whole_body(IDEAL_WHOLE_BODY)))
     scenario, sources = merged(
         Scenario,
         load_robot_params(chosen.robot)[0].size,
@@ -530,9 +531,13 @@ def _with_random(scenario: Scenario) -> Scenario:
         drawn = random_pushes(
             int(duration / pause), seed, largest, (pause, pause)
         )
-        in_time = [push for push in drawn if push.moment.time < duration]
         scenario = replace(
-            scenario, pushes=[*scenario.pushes, *in_time], random_delta_v=0.0
+            scenario,
+            pushes=[
+                *scenario.pushes,
+                *(push for push in drawn if push.moment.time < duration),
+            ],
+            random_delta_v=0.0,
         )
     if share := scenario.random_commands:
         limits = velocity_limits(
@@ -540,14 +545,21 @@ def _with_random(scenario: Scenario) -> Scenario:
             load_robot(scenario.robot, scenario.fidelity).point_mass,
         )
         rng = np.random.default_rng([seed, 1])  # not that of the pushes
-        commands = list(scenario.commands)
-        for second in range(1, math.ceil(duration)):
-            command = share * rng.uniform(limits[0], limits[1])
-            forward, left, turn = command.tolist()
-            commands.append(
-                Command(time=second, forward=forward, left=left, turn=turn)
-            )
-        scenario = replace(scenario, commands=commands, random_commands=0.0)
+        count = max(math.ceil(duration) - 1, 0)
+        velocities = share * rng.uniform(limits[0], limits[1], (count, 3))
+        scenario = replace(
+            scenario,
+            commands=[
+                *scenario.commands,
+                *(
+                    Command(time=second, forward=forward, left=left, turn=turn)
+                    for second, (forward, left, turn) in enumerate(
+                        velocities.tolist(), start=1
+                    )
+                ),
+            ],
+            random_commands=0.0,
+        )
     return scenario
 
 

@@ -56,9 +56,11 @@ def closed_loop(
     """
     if policy:
         return _walked_by(policy, scenario, meshcat)
-    if plant == "lipm":
-        return LipmDiagram(scenario, meshcat)
-    return HumanoidDiagram(scenario, meshcat)
+    return (
+        LipmDiagram(scenario, meshcat)
+        if plant == "lipm"
+        else HumanoidDiagram(scenario, meshcat)
+    )
 
 
 def _walked_by(
@@ -174,14 +176,15 @@ def simulate(
         )
     elif changes:
         raise ValueError(f"{next(iter(changes))}: must be in the scenario")
-    if duration is None:
-        run = advance(
+    run = (
+        advance(
             start(diagram),
             diagram.scenario.duration,
             until=RecoveryWatch(diagram),
         )
-    else:
-        run = advance(start(diagram), duration)
+        if duration is None
+        else advance(start(diagram), duration)
+    )
     return replace(run, info=replace(run.info, scenario=name))
 
 
@@ -299,6 +302,7 @@ def at_ctrl_c(handler: Handler, usual: Handler = None) -> Iterator[None]:
     with contextlib.ExitStack() as restored:
         for number in (signal.SIGINT, signal.SIGTERM) if is_main else ():
             if usual in (None, signal.getsignal(number)):
-                old = signal.signal(number, handler)
-                restored.callback(signal.signal, number, old)
+                restored.callback(
+                    signal.signal, number, signal.signal(number, handler)
+                )
         yield

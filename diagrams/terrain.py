@@ -101,12 +101,14 @@ class Terrain:
         """
         if truth is None or not self.seen:
             return None
-        if self.error == GroundError():
-            return truth
-        return Ground(
-            believed(truth.regions, self.error, self.seed, start),
-            truth.sole,
-            truth.margin,
+        return (
+            truth
+            if self.error == GroundError()
+            else Ground(
+                believed(truth.regions, self.error, self.seed, start),
+                truth.sole,
+                truth.margin,
+            )
         )
 
     def _regions(self, size: Size) -> tuple[Region, ...]:
@@ -176,10 +178,9 @@ def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
     Returns:
         Such as "left foot beside its region"; "" if each is on one.
     """
-    if ground is not None:
-        for side in filter(schedule.in_contact, Side):
-            if ground.region_under(schedule.feet[side]) is None:
-                return f"{side.value} foot beside its region"
+    for side in filter(schedule.in_contact, Side):
+        if ground and ground.region_under(schedule.feet[side]) is None:
+            return f"{side.value} foot beside its region"
     return ""
 
 
