@@ -15,6 +15,7 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
+from nadia_balance.parameters.bounds import require
 from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.signals import read
 from nadia_balance.systems.steps import SwingFootPlanner
@@ -53,14 +54,14 @@ class LipmDiagram(ClosedLoop):
         self._check(scenario)
         period = scenario.lipm_period
         model = scenario.point_mass(self.robot)
-        if not all(
-            ground is None or ground.is_level
-            for ground in (self._ground, model.ground)
-        ):
-            raise ValueError(
-                f"terrain.name = {scenario.terrain.name!r}: must be level, at "
-                "height 0, with an error of its place only, for a point mass"
-            )
+        require(
+            all(
+                ground is None or ground.is_level
+                for ground in (self._ground, model.ground)
+            ),
+            f"terrain.name = {scenario.terrain.name!r}: must be level, at "
+            "height 0, with an error of its place only, for a point mass",
+        )
         params = replace(scenario.controller, control_period=period)
         start = scenario.start(model)
         self._fallen = FALLEN_DISTANCE * model.com_height
@@ -102,10 +103,10 @@ class LipmDiagram(ClosedLoop):
         """Raises ValueError: the scenario is not for a point mass."""
         for name, only in ("engine", "drake"), ("sensors", "perfect"):
             value = getattr(scenario, name)
-            if value != only:
-                raise ValueError(
-                    f"{name} = {value!r}: must be {only} for a point mass"
-                )
+            require(
+                value == only,
+                f"{name} = {value!r}: must be {only} for a point mass",
+            )
         # Bodies of pushes are checked on the robot: a point mass has none.
         for push in scenario.pushes:
             if push.body:
@@ -132,8 +133,8 @@ class LipmDiagram(ClosedLoop):
         if self.scenario.seed:
             rng = np.random.default_rng(self.scenario.seed)
             plant_context = self.plant.GetMyMutableContextFromRoot(context)
-            state = plant_context.get_mutable_discrete_state(0)
-            state.get_mutable_value()[:2] += rng.uniform(-1e-5, 1e-5, 2)
+            x = plant_context.get_mutable_discrete_state(0).get_mutable_value()
+            x[:2] += rng.uniform(-1e-5, 1e-5, 2)
 
     def fall_reason(self, context: Context) -> str:
         """Returns the criterion by which it has fallen.

@@ -24,7 +24,7 @@ from nadia_balance.core.walking.state import (
     whole_ticks,
 )
 from nadia_balance.diagrams.terrain import FLAT, Terrain
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.layers import Layer, merged
 from nadia_balance.parameters.yaml_reader import (
     check_types,
@@ -238,9 +238,11 @@ class Scenario:
     @property
     def delay(self) -> float:
         """The delay [s] from measurement to controller."""
-        if self.sensors == "perfect":
-            return self.imperfections.delay
-        return self.imperfections.delay + load_sensors(self.sensors).delay
+        return self.imperfections.delay + (
+            0.0
+            if self.sensors == "perfect"
+            else load_sensors(self.sensors).delay
+        )
 
     def start(self, model: PointMassModel) -> WalkingState:
         """Returns the walking state of the standing robot at the start.
@@ -278,15 +280,14 @@ class Scenario:
         Raises:
             ValueError: neither push nor `delta_v`, or a value is invalid.
         """
-        if not self.pushes and delta_v is None:
-            raise ValueError(
-                "pushes = []: must have a push, or delta_v be given"
-            )
+        require(
+            bool(self.pushes) or delta_v is not None,
+            "pushes = []: must have a push, or delta_v be given",
+        )
         if at == STANDING:
             return self.standing().with_push(direction, delta_v, None, shape)
-        walks = self.gait.has_steps or self.commands
         first, *others = copy.deepcopy(self.pushes) or [
-            Push(at=AT if walks else STANDING_AT)
+            Push(at=AT if self.gait.has_steps or self.commands else STANDING_AT)
         ]
         if shape is not None:
             first.shape = shape
@@ -381,17 +382,17 @@ class Scenario:
         )
         for push in self.pushes:
             moment = push.moment
-            if moment.phase is None and not moment.time < self.duration:
-                raise ValueError(
-                    f"at = {push.at!r}: must be before duration = "
-                    f"{self.duration} s"
-                )
+            require(
+                moment.phase is not None or moment.time < self.duration,
+                f"at = {push.at!r}: must be before duration = "
+                f"{self.duration} s",
+            )
         times = [command.time for command in self.commands]
         for i, (last, time) in enumerate(itertools.pairwise(times), 1):
-            if time <= last:
-                raise ValueError(
-                    f"commands[{i}].time = {time}: must be later than {last} s"
-                )
+            require(
+                time > last,
+                f"commands[{i}].time = {time}: must be later than {last} s",
+            )
 
     def _contradictions(self) -> Iterator[tuple[str, str]]:
         """Fields that do not fit the others, and what they must do."""
@@ -469,11 +470,11 @@ def load_scenario(
         },
     )
     check(chosen)
+    ideal = IDEAL_WHOLE_BODY if chosen.fidelity == "ideal" else {}
     robot_layers = [
-        Layer("robot.yaml", _of_whole_body(whole_body_tree(chosen.robot)))
+        Layer("robot.yaml", _of_whole_body(whole_body_tree(chosen.robot))),
+        Layer("fidelity", _of_whole_body(ideal)),
     ]
-    if chosen.fidelity == "ideal":
-        robot_layers.append(Layer("fidelity", _of_whole_body(IDEAL_WHOLE_BODY)))
     scenario, sources = merged(
         Scenario,
         load_robot_params(chosen.robot)[0].size,
@@ -496,10 +497,10 @@ def _layers_of_user(
     source = f"scenario_file = {filename}"
     if filename is None:
         names = scenario_names()
-        if name not in names:
-            raise ValueError(
-                f"scenario_name = {name!r}: must be one of {', '.join(names)}"
-            )
+        require(
+            name in names,
+            f"scenario_name = {name!r}: must be one of {', '.join(names)}",
+        )
         source, filename = "scenario", names[name]
     elif not Path(filename).is_file():
         raise FileNotFoundError(f"{source}: no such file")
@@ -511,16 +512,18 @@ def _layers_of_user(
         with naming("scenario_text"):
             tree = load_tree(text)
             check_types(Scenario, tree)
-        if "units" in tree:
-            raise ValueError(
-                f"units = {tree['units']!r}: must be in a scenario_file; "
-                "scenario_text is in SI units"
-            )
+        require(
+            "units" not in tree,
+            f"units = {tree.get('units')!r}: must be in a scenario_file; "
+            "scenario_text is in SI units",
+        )
         yield Layer("scenario_text", tree)
     fields = {key: value for key, value in changes.items() if value is not None}
     for key in fields:
-        if key not in field_types(Scenario):
-            raise ValueError(f"{key}: must be a field of a Scenario")
+        require(
+            key in field_types(Scenario),
+            f"{key}: must be a field of a Scenario",
+        )
     yield Layer("flag", fields)
 
 
@@ -532,9 +535,13 @@ def _with_random(scenario: Scenario) -> Scenario:
         drawn = random_pushes(
             int(duration / pause), seed, largest, (pause, pause)
         )
-        in_time = [push for push in drawn if push.moment.time < duration]
         scenario = replace(
-            scenario, pushes=[*scenario.pushes, *in_time], random_delta_v=0.0
+            scenario,
+            pushes=[
+                *scenario.pushes,
+                *(push for push in drawn if push.moment.time < duration),
+            ],
+            random_delta_v=0.0,
         )
     if share := scenario.random_commands:
         limits = velocity_limits(
@@ -542,14 +549,21 @@ def _with_random(scenario: Scenario) -> Scenario:
             load_robot(scenario.robot, scenario.fidelity).point_mass,
         )
         rng = np.random.default_rng([seed, 1])  # not that of the pushes
-        commands = list(scenario.commands)
-        for second in range(1, math.ceil(duration)):
-            command = share * rng.uniform(limits[0], limits[1])
-            forward, left, turn = command.tolist()
-            commands.append(
-                Command(time=second, forward=forward, left=left, turn=turn)
-            )
-        scenario = replace(scenario, commands=commands, random_commands=0.0)
+        count = max(math.ceil(duration) - 1, 0)
+        velocities = share * rng.uniform(limits[0], limits[1], (count, 3))
+        scenario = replace(
+            scenario,
+            commands=[
+                *scenario.commands,
+                *(
+                    Command(time=second, forward=forward, left=left, turn=turn)
+                    for second, (forward, left, turn) in enumerate(
+                        velocities.tolist(), start=1
+                    )
+                ),
+            ],
+            random_commands=0.0,
+        )
     return scenario
 
 

@@ -25,6 +25,7 @@ from nadia_balance.diagrams.verdict import (
     push_signal,
     run_info,
 )
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import one_line
 from nadia_balance.policy_controller import PolicyController
 from nadia_balance.results.summary import Run
@@ -55,9 +56,11 @@ def closed_loop(
     """
     if policy:
         return _walked_by(policy, scenario, meshcat)
-    if plant == "lipm":
-        return LipmDiagram(scenario, meshcat)
-    return HumanoidDiagram(scenario, meshcat)
+    return (
+        LipmDiagram(scenario, meshcat)
+        if plant == "lipm"
+        else HumanoidDiagram(scenario, meshcat)
+    )
 
 
 def _walked_by(
@@ -71,8 +74,10 @@ def _walked_by(
     """
     gait, step = scenario.gait, scenario.gait.step
     commands = list(scenario.commands)
-    if gait.steps or gait.footholds:
-        raise ValueError("gait: must have num_steps with a policy")
+    require(
+        not gait.steps and not gait.footholds,
+        "gait: must have num_steps with a policy",
+    )
     if gait.num_steps:
         duration = gait.swing_duration + gait.transfer_duration
         command = Command(
@@ -171,14 +176,15 @@ def simulate(
         )
     elif changes:
         raise ValueError(f"{next(iter(changes))}: must be in the scenario")
-    if duration is None:
-        run = advance(
+    run = (
+        advance(
             start(diagram),
             diagram.scenario.duration,
             until=RecoveryWatch(diagram),
         )
-    else:
-        run = advance(start(diagram), duration)
+        if duration is None
+        else advance(start(diagram), duration)
+    )
     return replace(run, info=replace(run.info, scenario=name))
 
 
@@ -230,10 +236,10 @@ def advance(
     Raises:
         ValueError: the duration is negative, or no number.
     """
-    if not 0.0 <= duration <= LONGEST:
-        raise ValueError(
-            f"duration = {duration}: must be in [0, {LONGEST:g}] s"
-        )
+    require(
+        0.0 <= duration <= LONGEST,
+        f"duration = {duration}: must be in [0, {LONGEST:g}] s",
+    )
     diagram = cast(ClosedLoop, simulator.get_system())
     context = simulator.get_mutable_context()
     with until_ctrl_c() as pressed:
@@ -296,6 +302,7 @@ def at_ctrl_c(handler: Handler, usual: Handler = None) -> Iterator[None]:
     with contextlib.ExitStack() as restored:
         for number in (signal.SIGINT, signal.SIGTERM) if is_main else ():
             if usual in (None, signal.getsignal(number)):
-                old = signal.signal(number, handler)
-                restored.callback(signal.signal, number, old)
+                restored.callback(
+                    signal.signal, number, signal.signal(number, handler)
+                )
         yield

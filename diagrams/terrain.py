@@ -14,7 +14,7 @@ from nadia_balance.core.body.ground import (
 )
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import ContactSchedule, FootPoses, Side
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.scaling import NADIA, Size
 from nadia_balance.parameters.yaml_reader import load_typed
 
@@ -63,11 +63,11 @@ class Terrain:
         Raises:
             ValueError: it has none, as the ground is not seen.
         """
-        if not self.seen and self.error != GroundError():
-            raise ValueError(
-                f"terrain.error = {self.error}: must not be given with "
-                "seen = False"
-            )
+        require(
+            self.seen or self.error == GroundError(),
+            f"terrain.error = {self.error}: must not be given with "
+            "seen = False",
+        )
 
     def ground(self, sole: Array, size: Size = NADIA) -> Ground | None:
         """Returns the true ground; None: flat.
@@ -101,21 +101,23 @@ class Terrain:
         """
         if truth is None or not self.seen:
             return None
-        if self.error == GroundError():
-            return truth
-        return Ground(
-            believed(truth.regions, self.error, self.seed, start),
-            truth.sole,
-            truth.margin,
+        return (
+            truth
+            if self.error == GroundError()
+            else Ground(
+                believed(truth.regions, self.error, self.seed, start),
+                truth.sole,
+                truth.margin,
+            )
         )
 
     def _regions(self, size: Size) -> tuple[Region, ...]:
         path = COURSES.get(self.name, Path(self.name))
-        if not path.is_file():
-            raise ValueError(
-                f"terrain.name = {self.name!r}: must be a YAML file, or one of "
-                f"{', '.join((FLAT, *COURSES))}"
-            )
+        require(
+            path.is_file(),
+            f"terrain.name = {self.name!r}: must be a YAML file, or one of "
+            f"{', '.join((FLAT, *COURSES))}",
+        )
         file = load_typed(RegionFile, f"terrain {self.name}", filename=path)
         check(file)
         along = leg = 1.0
@@ -159,11 +161,11 @@ def check_start(
     check_friction(ground, friction)
     for side in Side:
         for foot in standing_on(ground, feet)[side], feet[side]:
-            if foot.p_WF[2] != 0.0 or foot.normal[2] != 1.0:
-                raise ValueError(
-                    f"{side.value} foot at the start: its region must be "
-                    "level, at height 0, and known to be so"
-                )
+            require(
+                foot.p_WF[2] == 0.0 and foot.normal[2] == 1.0,
+                f"{side.value} foot at the start: its region must be "
+                "level, at height 0, and known to be so",
+            )
 
 
 def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
@@ -176,10 +178,9 @@ def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
     Returns:
         Such as "left foot beside its region"; "" if each is on one.
     """
-    if ground is not None:
-        for side in filter(schedule.in_contact, Side):
-            if ground.region_under(schedule.feet[side]) is None:
-                return f"{side.value} foot beside its region"
+    for side in filter(schedule.in_contact, Side):
+        if ground and ground.region_under(schedule.feet[side]) is None:
+            return f"{side.value} foot beside its region"
     return ""
 
 

@@ -12,7 +12,6 @@ import csv
 import json
 import platform
 import re
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -170,8 +169,10 @@ def replayed(scenario: Scenario, ticks: Ticks) -> Array:
     """
     times, torques = replay(HumanoidDiagram(scenario).controller, ticks)
     if not np.array_equal(torques, ticks.actuation):
-        error = np.abs(torques - ticks.actuation).max()
-        raise RuntimeError(f"the replayed torques differ by {error:.2g} N m")
+        raise RuntimeError(
+            "the replayed torques differ by "
+            f"{np.abs(torques - ticks.actuation).max():.2g} N m"
+        )
     return times
 
 
@@ -226,8 +227,10 @@ def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
         figures: as `measure` returns them.
     """
     packages = versions()
+    # Of the commit, 7 digits, and a + if files have been changed.
+    commit, changed, _ = packages.get("commit", "unknown").partition("+")
     row = {
-        "commit": _commit(),
+        "commit": f"{commit[:7]}{changed}",
         "machine": _machine(),
         "python": packages["python"],
         "drake": packages["drake"],
@@ -247,18 +250,6 @@ def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
         writer = csv.DictWriter(file, [*names], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-
-
-def _commit() -> str:
-    """The commit of the checkout, with a + if files have been changed."""
-    with contextlib.suppress(OSError, subprocess.CalledProcessError):
-        return subprocess.check_output(
-            ["git", "describe", "--always", "--dirty=+", "--exclude=*"],
-            cwd=Path(__file__).parent,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        ).strip()
-    return "unknown"
 
 
 def _machine() -> str:

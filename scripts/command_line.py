@@ -20,7 +20,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams import live, simulation, terrain
+from nadia_balance.diagrams import live, simulation, terrain, verdict
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import (
     SENSORS,
@@ -28,11 +28,9 @@ from nadia_balance.diagrams.scenario import (
     Scenario,
     load_scenario,
 )
-from nadia_balance.diagrams.verdict import RecoveryWatch
 from nadia_balance.parameters.bounds import require
-from nadia_balance.results import pages
+from nadia_balance.results import pages, story
 from nadia_balance.results.folder import new_folder
-from nadia_balance.results.story import chapter_words, telling_lines
 from nadia_balance.results.summary import failure
 from nadia_balance.scripts.progress import progress
 from nadia_balance.view.scene import set_scene, start_meshcat
@@ -328,19 +326,17 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
 
 def _output_flags(parser: CommandLine) -> None:
     group = parser.add_argument_group("output")
-    parser.not_live.append(
+    parser.not_live += [
         group.add_argument(
             "--out",
             type=place,
             help="folder for the results (default: "
             "runs/<date>_<time>_<scenario>)",
-        )
-    )
-    parser.not_live.append(
+        ),
         group.add_argument(
             "--no-meshcat", action="store_true", help="and no replay.html"
-        )
-    )
+        ),
+    ]
     group.add_argument("--port", type=int, help="of Meshcat, from 7000 on")
     group.add_argument(
         "--open", action="store_true", help="show Meshcat in a browser"
@@ -443,9 +439,11 @@ def main_job(
                     new_folder(args.out, args.scenario_name, pages.FILES)
                 )
         say(*(f"robot: {remark}" for remark in diagram.remarks()))
-        if args.live:
-            return _live(diagram, cast(Meshcat, meshcat), args)
-        return _run(simulator, meshcat, folder, args)
+        return (
+            _live(diagram, cast(Meshcat, meshcat), args)
+            if args.live
+            else _run(simulator, meshcat, folder, args)
+        )
 
 
 def _run(
@@ -461,7 +459,7 @@ def _run(
         webbrowser.open(meshcat.web_url())
     end = 0.0
     with progress(diagram, sys.stderr) as show:
-        watch = RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
+        watch = verdict.RecoveryWatch(diagram, more_steps=SHOWN_STEPS)
 
         def until(context: Context) -> bool:
             show(context)
@@ -475,7 +473,7 @@ def _run(
             summary = run.summary | {"scenario": args.scenario_name}
             if run.until or failure(run) or end == scenario.duration:
                 break
-            say(f"t={end:.0f} s  {chapter_words(summary)}")
+            say(f"t={end:.0f} s  {story.chapter_words(summary)}")
             diagram.forget_logs(simulator.get_mutable_context())
     try:
         files = pages.write_run(
@@ -486,7 +484,7 @@ def _run(
             meshcat,
         )
     finally:
-        say(*telling_lines(run.logs, summary))
+        say(*story.telling_lines(run.logs, summary))
     say(f"wrote {folder}/{{{', '.join(files)}}}")
     if meshcat is not None and args.hold:
         _hold(meshcat)

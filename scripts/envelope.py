@@ -12,10 +12,10 @@ Example:
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import contextlib
-import dataclasses
 import shlex
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -68,8 +68,9 @@ def main(argv: list[str] | None = None) -> int:
     with parser.refusing():
         sweep = sweep_from(args)
         sweep.first = limits.first_pushes(sweep)
-    now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    args.out = args.out or Path("envelopes") / f"{now}_{args.protocol}"
+    args.out = args.out or Path(
+        f"envelopes/{datetime.now():%Y-%m-%d_%H-%M-%S}_{args.protocol}"
+    )
     return carry_out(
         parser=parser,
         args=args,
@@ -267,7 +268,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     Raises:
         ValueError: names the invalid flag.
     """
-    values = dataclasses.asdict(limits.PROTOCOLS[args.protocol])
+    values = asdict(limits.PROTOCOLS[args.protocol])
     controller = command_line.policy_of(args)
     if args.quick or controller:
         values["mechanisms"] = values["mechanisms"].split(",")[-1]

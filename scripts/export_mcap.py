@@ -6,13 +6,14 @@ import io
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import Ellipsoid, Rgba, Role, Sphere
 from pydrake.math import RigidTransform
 
 from nadia_balance.palette import COP, FLOOR, ICP, ICP_REFERENCE, rgba
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import _VIEWS, Log
@@ -72,8 +73,8 @@ def read_run(run: Path) -> tuple[Log, dict[str, list[str]], RobotModel]:
         ValueError: a file is missing or broken, or of another robot.
     """
     try:
-        text = (run / "scenario.yaml").read_text("utf-8")
-        (scenario,) = dict(load_tree(text)).values()
+        tree = load_tree((run / "scenario.yaml").read_text("utf-8"))
+        (scenario,) = dict(tree).values()
         robot = load_robot(scenario["robot"], scenario["fidelity"])
         log = read_npz(run / "log.npz")
         return log, _columns(log, robot), robot
@@ -102,8 +103,10 @@ def _columns(log: Log, robot: RobotModel) -> dict[str, list[str]]:
         if values.ndim == 2 and len(values) == len(log["t"]):
             numbered = [f"column_{i}" for i in range(values.shape[1])]
             columns[name] = [str(one) for one in names.get(name, numbered)]
-            if len(columns[name]) != len(numbered):
-                raise ValueError(f"{name} has {len(numbered)} columns")
+            require(
+                len(columns[name]) == len(numbered),
+                f"{name} has {len(numbered)} columns",
+            )
     return columns
 
 
@@ -180,27 +183,27 @@ def scenes(log: Log, robot: RobotModel) -> Iterator[Any]:
         balls: list[dict[str, Any]] = []
         boxes: list[dict[str, Any]] = []
         for name in filter(log.__contains__, POINTS):
-            p_WP: Any = [*log[name][row, :2], 0.0]
-            balls.append(
-                _look(RigidTransform(p_WP), [0.03] * 3, rgba(POINTS[name]))
-            )
+            X_WP = RigidTransform(cast(Any, [*log[name][row, :2], 0.0]))
+            balls.append(_look(X_WP, [0.03] * 3, rgba(POINTS[name])))
         if "state" in log:
-            q: Any = log["state"][row, : plant.num_positions()]
-            plant.SetPositions(context, q)
+            plant.SetPositions(
+                context, cast(Any, log["state"][row, : plant.num_positions()])
+            )
             for shape in inspector.GetAllGeometryIds(Role.kIllustration):
                 box = inspector.GetObbInGeometryFrame(shape)
                 properties = inspector.GetIllustrationProperties(shape)
-                look = _look(
-                    query.GetPoseInWorld(shape) @ box.pose(),
-                    2.0 * box.half_width(),
-                    properties.GetPropertyOrDefault(
-                        "phong", "diffuse", rgba(FLOOR)
-                    ),
+                is_round = isinstance(
+                    inspector.GetShape(shape), Ellipsoid | Sphere
                 )
-                if isinstance(inspector.GetShape(shape), Ellipsoid | Sphere):
-                    balls.append(look)
-                else:
-                    boxes.append(look)
+                (balls if is_round else boxes).append(
+                    _look(
+                        query.GetPoseInWorld(shape) @ box.pose(),
+                        2.0 * box.half_width(),
+                        properties.GetPropertyOrDefault(
+                            "phong", "diffuse", rgba(FLOOR)
+                        ),
+                    )
+                )
         yield messages.SceneUpdate(
             entities=[
                 messages.SceneEntity(

@@ -48,9 +48,11 @@ def main(argv: list[str] | None = None) -> int:
         if is_new and not any(folder.iterdir()):
             folder.rmdir()
     command_line.say(f"wrote {folder}/{{{', '.join(MADE)}}}")
-    if args.no_walk:
-        return command_line.DONE
-    return _walk(str(folder / "robot.yaml"), args.fidelity)
+    return (
+        command_line.DONE
+        if args.no_walk
+        else _walk(str(folder / "robot.yaml"), args.fidelity)
+    )
 
 
 def _check_paths(args: argparse.Namespace) -> None:

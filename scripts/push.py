@@ -35,43 +35,35 @@ def _push_flags(parser: command_line.CommandLine) -> None:
     group = parser.add_argument_group(
         "push", "The scenario's first push, as it is there; or a new one."
     )
-    parser.not_live.append(
+    parser.not_live += [
         group.add_argument(
             "--direction",
             help="degrees (0 forward, 90 left), or forward, backward, inward, "
             "outward, seen from the stance foot",
-        )
-    )
-    parser.not_live.append(
+        ),
         group.add_argument(
             "--delta-v",
             type=command_line.finite,
             help="change of the robot's velocity [m/s]",
-        )
-    )
-    parser.not_live.append(
+        ),
         group.add_argument(
             "--at",
             help='when it begins: in a phase, such as "right swing 25 %%" (the '
             'right foot swings) or "left transfer 50 %%" (the left one will), '
             'at a time, such as "2.5 s", or "standing", at 1 s, told to walk '
             "nowhere",
-        )
-    )
-    parser.not_live.append(
+        ),
         group.add_argument(
             "--shape", help=f"of the force over time: {', '.join(SHAPES)}"
-        )
-    )
-    parser.not_live.append(
+        ),
         group.add_argument(
             "--random",
             type=int,
             metavar="N",
             help="N pushes instead, in directions at random, of up to "
             "--delta-v, 1 to 3 s after each other; --seed gives others",
-        )
-    )
+        ),
+    ]
 
 
 def _pushed_scenario(args: argparse.Namespace) -> Scenario:

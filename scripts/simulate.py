@@ -5,6 +5,7 @@ import argparse
 import sys
 
 from nadia_balance.diagrams.scenario import Scenario, scenario_names
+from nadia_balance.parameters.bounds import require
 from nadia_balance.scripts import command_line
 
 
@@ -31,8 +32,10 @@ def main(argv: list[str] | None = None) -> int:
 def _scenario(args: argparse.Namespace) -> Scenario:
     """The scenario of the flags."""
     if args.scenario_name is None:
-        if args.command is None and not args.live:
-            raise ValueError("scenario_name: must be given, or --command")
+        require(
+            args.command is not None or args.live,
+            "scenario_name: must be given, or --command",
+        )
         args.scenario_name = "walk_by_command"
     return command_line.scenario_from(args)
 

@@ -12,11 +12,10 @@ Example:
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
-import dataclasses
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -126,9 +125,10 @@ class SinglePushes(Sweep):
         """
         if results:
             return []
-        direction = cell.direction_deg
-        if cell.at != STANDING and Moment.parse(cell.at).swing is Side.LEFT:
-            direction = -direction
+        is_left = (
+            cell.at != STANDING and Moment.parse(cell.at).swing is Side.LEFT
+        )
+        direction = -cell.direction_deg if is_left else cell.direction_deg
         curve = self.curve(cell.scenario)
         limit = np.interp(direction, [*curve], [*curve.values()], period=360.0)
         return [(round(self.share * float(limit), 3), 0)]
@@ -232,9 +232,8 @@ def failures_text(sweep: SinglePushes, rows: Rows) -> str:
     parts = [
         f"# Single pushes, at {sweep.share:g} of the limits",
         f"{outcomes(rows)}; commit `{rows.identity.get('commit', '')}`.",
+        *([table(FAILURE_COLUMNS, failed)] if failed else []),
     ]
-    if failed:
-        parts.append(table(FAILURE_COLUMNS, failed))
     return "\n\n".join(parts) + "\n"
 
 
@@ -321,7 +320,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         "directions": "12",
         "at": AT,
         "mechanisms": [*MECHANISMS][-1],
-        **(dataclasses.asdict(figure) if figure else {}),
+        **(asdict(figure) if figure else {}),
     }
     mechanisms = args.mechanisms or values["mechanisms"].split(",")[-1]
     values |= {name: x for name, x in vars(args).items() if x is not None}

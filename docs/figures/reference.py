@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 from unittest import mock
 
+from json_schema import json_schema, named_schema
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.plan.gait import Foothold, StepVector
 from nadia_balance.core.walking.mechanisms import Mechanisms
@@ -29,7 +30,6 @@ from nadia_balance.diagrams.scenario import (
     scenario_names,
 )
 from nadia_balance.parameters.bounds import UNBOUNDED, meaning
-from nadia_balance.parameters.json_schema import json_schema, named_schema
 from nadia_balance.results.log import _VIEWS
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts.command_line import DONE, CommandLine, say

@@ -113,11 +113,10 @@ class MujocoModel:
         M_B = body.default_spatial_inertia()
         if M_B.get_mass() > 0.0:
             I_BBcm = M_B.Shift(M_B.get_com()).CalcRotationalInertia()
-            moments, axes = I_BBcm.CalcPrincipalMomentsAndAxesOfInertia()
             added.explicitinertial = True
             added.mass = M_B.get_mass()
             added.ipos = M_B.get_com()
-            added.inertia = moments
+            added.inertia, axes = I_BBcm.CalcPrincipalMomentsAndAxesOfInertia()
             added.iquat = axes.ToQuaternion().wxyz()
         if joint.num_velocities():
             self._add_joint(added, joint, X_BM)
@@ -191,8 +190,7 @@ class MujocoModel:
             f"shape {inspector.GetName(shape)}: must not be a "
             f"{type(form).__name__}, for MuJoCo",
         )
-        kind, size = _SHAPES[type(form)]
-        added.type = kind
+        added.type, size = _SHAPES[type(form)]
         added.size = size(form)
 
     def _find_columns(self) -> None:
@@ -220,8 +218,10 @@ class MujocoModel:
                 )
                 self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
-        names = (model.body(i).name for i in model.geom_bodyid)
-        self._body_of = [BodyIndex(int(n) if n.isdigit() else 0) for n in names]
+        self._body_of = [
+            BodyIndex(int(name) if name.isdigit() else 0)
+            for name in (model.body(i).name for i in model.geom_bodyid)
+        ]
 
     def rates(self, vector: Array) -> Array:
         """Velocities, or accelerations, in Drake's order.
@@ -294,13 +294,13 @@ class MujocoModel:
         mujoco.mj_fwdPosition(model, data)
         for force in forces:
             body = model.body(str(int(force.body_index))).id
-            R_WB = data.xmat[body].reshape(3, 3)
             mujoco.mj_applyFT(
                 m=model,
                 d=data,
                 force=force.F_Bq_W.translational(),
                 torque=force.F_Bq_W.rotational(),
-                point=data.xpos[body] + R_WB @ force.p_BoBq_B,
+                point=data.xpos[body]
+                + data.xmat[body].reshape(3, 3) @ force.p_BoBq_B,
                 body=body,
                 qfrc_target=data.qfrc_applied,
             )
@@ -349,9 +349,7 @@ def _name(shape: GeometryId) -> str:
 
 
 def _friction(inspector: SceneGraphInspector, shape: GeometryId) -> float:
-    properties: Any = inspector.GetProximityProperties(shape)
-    return float(
-        properties.GetProperty(
-            "material", "coulomb_friction"
-        ).dynamic_friction()
+    friction = cast(Any, inspector.GetProximityProperties(shape)).GetProperty(
+        "material", "coulomb_friction"
     )
+    return float(friction.dynamic_friction())

@@ -278,10 +278,9 @@ class PointMassPlant(LeafSystem):
         if schedule.phase is not Phase.SWING:
             return feet
         x, y, z, yaw = self._swing_foot(context)
-        ground = min(feet.left.p_WF[2], feet.right.p_WF[2])
+        z = max(z, min(feet.left.p_WF[2], feet.right.p_WF[2]))
         return feet.with_foot(
-            schedule.support_side.other,
-            FootPose(np.array([x, y, max(z, ground)]), yaw),
+            schedule.support_side.other, FootPose(np.array([x, y, z]), yaw)
         )
 
     def _calc_forces(self, context: Context) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
 from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+from nadia_balance.parameters.bounds import require
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
 # Smallest cosine to the lateral axis, or of the up axis to the legs [-].
@@ -63,12 +64,12 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
             # Arms may be as heavy, not as strong.
             strength = 1.0 + np.mean([joint.effort for joint in one + other])
             pairs.append((mass * strength, pair, one, other))
-    if not pairs:
-        raise ValueError(
-            "legs: must be two, of 6 or 7 joints each (without ankle roll a "
-            "sole does not stay level); numbers of joints: "
-            + ", ".join(f"{len(robot.chain(end))} to {end}" for end in leaves)
-        )
+    require(
+        len(pairs) > 0,
+        "legs: must be two, of 6 or 7 joints each (without ankle roll a "
+        "sole does not stay level); numbers of joints: "
+        + ", ".join(f"{len(robot.chain(end))} to {end}" for end in leaves),
+    )
     _, pair, one, other = max(pairs, key=lambda pair: pair[0])
     robot.reroot(one[0].parent)
     return [
@@ -96,11 +97,11 @@ def _torso(robot: Description, legs: Sequence[Leg]) -> str:
 
 def _snapped(direction: Array, subject: str) -> Array:
     i = int(np.abs(direction).argmax())
-    if abs(direction[i]) < ALONG * np.linalg.norm(direction):
-        raise ValueError(
-            f"{subject}: must lie along an axis of the root's frame, all "
-            f"joints at 0; now {np.round(direction, 3)} m"
-        )
+    require(
+        abs(direction[i]) >= ALONG * np.linalg.norm(direction),
+        f"{subject}: must lie along an axis of the root's frame, all "
+        f"joints at 0; now {np.round(direction, 3)} m",
+    )
     return np.asarray(np.sign(direction[i]) * np.eye(3)[i])
 
 
@@ -162,8 +163,8 @@ def _sign(
     """+1 if `forward` (3,) is, and legs[0] the left one; -1 if not."""
     for name, side in FEET.items():
         if named.get(name):
-            first = robot.holder(named[name]) == legs[0].foot
-            return float(side.sign if first else -side.sign)
+            is_first = robot.holder(named[name]) == legs[0].foot
+            return float(side.sign if is_first else -side.sign)
     ahead = [_back(robot, leg, forward) for leg in legs]
     if min(ahead) * max(ahead) < 1e-4:
         poses = robot.poses()
@@ -185,20 +186,23 @@ def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
     pitches = list(
         itertools.compress(leg.joints, np.abs(axes @ lateral) > ALONG)
     )
-    if len(pitches) < 3:
-        raise ValueError(
-            f"leg to {leg.foot}: must have hip, knee and ankle about the "
-            f"lateral axis; it has {', '.join(pitches) or 'none'}"
-        )
+    require(
+        len(pitches) >= 3,
+        f"leg to {leg.foot}: must have hip, knee and ankle about the "
+        f"lateral axis; it has {', '.join(pitches) or 'none'}",
+    )
     hip, *inner, ankle = pitches
-    ends = [hinges[hip], hinges[ankle]]
-    bones = {n: np.linalg.norm(ends - hinges[n], axis=1).min() for n in inner}
-    knee = max(inner, key=bones.__getitem__)
-    if inner[-1] != knee and bones[inner[-1]] < _TOE * bones[knee]:
-        raise ValueError(
-            f"joint {ankle}: must be welded, --fix {ankle}: it looks like a "
-            "toe's"
+    bones = {
+        name: min(
+            np.linalg.norm(hinges[end] - hinges[name]) for end in (hip, ankle)
         )
+        for name in inner
+    }
+    knee = max(inner, key=bones.__getitem__)
+    require(
+        inner[-1] == knee or bones[inner[-1]] >= _TOE * bones[knee],
+        f"joint {ankle}: must be welded, --fix {ankle}: it looks like a toe's",
+    )
     return [hip, knee, ankle]
 
 

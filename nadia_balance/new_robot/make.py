@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import yaml
@@ -31,6 +30,7 @@ from nadia_balance.new_robot.measure import measure, size_of, widths
 from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_urdf
 from nadia_balance.new_robot.read_mjcf import read_mjcf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.scaling import NADIA
 
 # Rotor inertia over mass and squared leg, of Nadia: 0.1 kg m^2 are assumed.
@@ -103,9 +103,11 @@ def _read(file: Path, roots: Sequence[Path], notes: Notes) -> Description:
         top = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as error:
         raise ValueError(f"{file}: must be XML ({error})") from None
-    if top.tag == "mujoco":
-        return read_mjcf(file, notes)
-    return read_urdf(top, file, roots=roots, notes=notes)
+    return (
+        read_mjcf(file, notes)
+        if top.tag == "mujoco"
+        else read_urdf(top, file, roots=roots, notes=notes)
+    )
 
 
 def _clean(
@@ -117,11 +119,10 @@ def _clean(
     legs = two_legs(robot, named)
     of_legs = {name for leg in legs for name in leg.joints}
     for joint in list(robot.joints.values()):
-        if joint.type not in ("revolute", "continuous", "prismatic"):
-            raise ValueError(
-                f"joint {joint.name}: {joint.type}: must be revolute or "
-                "prismatic"
-            )
+        require(
+            joint.type in ("revolute", "continuous", "prismatic"),
+            f"joint {joint.name}: {joint.type}: must be revolute or prismatic",
+        )
         reason = _undriven(joint)
         if joint.name in of_legs:
             _check_of_leg(joint, reason)
@@ -152,8 +153,7 @@ def _fixed(robot: Description, fix: Sequence[str], notes: Notes) -> list[str]:
             raise ValueError(
                 f"fix = {expression!r}: must be a regular expression ({error})"
             ) from None
-        if not names:
-            raise ValueError(f"fix = {expression!r}: must match a joint")
+        require(len(names) > 0, f"fix = {expression!r}: must match a joint")
         notes.add("changed", "welded as asked", *names)
         fixed += names
     return fixed
@@ -172,16 +172,16 @@ def _undriven(joint: Joint) -> str:
 
 def _check_of_leg(joint: Joint, reason: str) -> None:
     """Refuses a leg's joint that is `undriven`, or turns for ever."""
-    if reason or joint.type == "continuous":
-        raise ValueError(
-            f"joint {joint.name}: {reason or joint.type}: must be a hinge with "
-            "range and effort (MJCF: forcerange)"
-        )
-    if max(-joint.lower, joint.upper) > _TURN:
-        raise ValueError(
-            f"joint {joint.name}: range of {joint.lower:.4g} to "
-            f"{joint.upper:.4g}: must be within +-2 pi; units are rad"
-        )
+    require(
+        not reason and joint.type != "continuous",
+        f"joint {joint.name}: {reason or joint.type}: must be a hinge with "
+        "range and effort (MJCF: forcerange)",
+    )
+    require(
+        max(-joint.lower, joint.upper) <= _TURN,
+        f"joint {joint.name}: range of {joint.lower:.4g} to "
+        f"{joint.upper:.4g}: must be within +-2 pi; units are rad",
+    )
 
 
 def _check_units(robot: Description, leg: Leg) -> None:
@@ -190,19 +190,19 @@ def _check_units(robot: Description, leg: Leg) -> None:
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     mass = robot.mass(robot.links)
     smallest, largest = _DENSITY * length**3
-    if not smallest < mass < largest:
-        raise ValueError(
-            f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
-            f"({smallest:.3g}, {largest:.3g}) kg; units are kg and m"
-        )
+    require(
+        smallest < mass < largest,
+        f"mass = {mass:.4g} kg, with legs of {length:.4g} m: must be in "
+        f"({smallest:.3g}, {largest:.3g}) kg; units are kg and m",
+    )
     for link in robot.links.values():
         distance = np.linalg.norm(link.M.get_com())
-        if distance > 3.0 * length:
-            raise ValueError(
-                f"link {link.name}: centre of mass: must be within "
-                f"{3.0 * length:.3g} m of its origin; it is {distance:.3g} m "
-                "away"
-            )
+        require(
+            distance <= 3.0 * length,
+            f"link {link.name}: centre of mass: must be within "
+            f"{3.0 * length:.3g} m of its origin; it is {distance:.3g} m "
+            "away",
+        )
 
 
 def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
@@ -224,8 +224,10 @@ def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
         _doubt_pair([robot.joints[name] for name in names], robot, notes)
     for side, leg in anatomy.legs.items():
         for name in (leg.foot, *leg.joints):
-            words = [word.lower() for word in _WORDS.findall(name)]
-            if -side.sign in map(_SIDES.get, words):
+            if any(
+                _SIDES.get(word.lower()) == -side.sign
+                for word in _WORDS.findall(name)
+            ):
                 notes.add(
                     "warning",
                     "left and right swapped? On the other side, seen forward",
@@ -258,8 +260,7 @@ def _take_rotors(robot: Description, file: Path) -> None:
         for joint in _read(file, [], Notes()).joints.values()
         if joint.rotor_inertia and joint.name in robot.joints
     }
-    if not inertias:
-        raise ValueError(f"armature = {file}: must have rotor inertias")
+    require(len(inertias) > 0, f"armature = {file}: must have rotor inertias")
     for name, inertia in inertias.items():
         robot.joints[name].rotor_inertia = inertia
 
@@ -330,9 +331,11 @@ def write_urdf(robot: Description, ignored: Pairs, folder: Path) -> None:
     )
 
 
-def _tag(tag: str, *children: Element, **attributes: Any) -> Element:
+def _tag(
+    tag: str, *children: ElementTree.Element, **attributes: Any
+) -> ElementTree.Element:
     """A tag whose attributes are texts, or numbers."""
-    element = Element(tag)
+    element = ElementTree.Element(tag)
     for key, value in attributes.items():
         if not isinstance(value, str):
             value = " ".join(f"{number:.9g}" for number in np.ravel(value))
@@ -341,16 +344,19 @@ def _tag(tag: str, *children: Element, **attributes: Any) -> Element:
     return element
 
 
-def _origin(X: RigidTransform) -> Element:
+def _origin(X: RigidTransform) -> ElementTree.Element:
     return _tag(
         "origin", xyz=X.translation(), rpy=RollPitchYaw(X.rotation()).vector()
     )
 
 
-def _inertial(link: Link) -> Element:
-    moments = [*link.central().get_moments(), *link.central().get_products()]
+def _inertial(link: Link) -> ElementTree.Element:
+    central = link.central()
     # All digits, which Drake needs to find it possible.
-    digits = [repr(float(moment)) for moment in moments]
+    digits = [
+        repr(float(moment))
+        for moment in (*central.get_moments(), *central.get_products())
+    ]
     return _tag(
         "inertial",
         _tag("origin", xyz=link.M.get_com()),
@@ -359,7 +365,7 @@ def _inertial(link: Link) -> Element:
     )
 
 
-def _shape(shape: Shape, folder: Path, name: str) -> Element:
+def _shape(shape: Shape, folder: Path, name: str) -> ElementTree.Element:
     solid = _tag(
         shape.kind if shape.kind in _OF_URDF else DRAKE + shape.kind,
         **shape.size,
@@ -394,36 +400,35 @@ def _write_mesh(shape: Shape, folder: Path, name: str) -> str:
     file.parent.mkdir(exist_ok=True)
     mesh = shape.mesh.copy()
     if len(mesh.faces) > _FACES:  # vertices within 1 cm, or less, merge
-        digits = int(np.ceil(1.0 - np.log10(mesh.extents.max())))
-        mesh.merge_vertices(digits_vertex=max(digits, 2))
+        digits = np.ceil(1.0 - np.log10(mesh.extents.max()))
+        mesh.merge_vertices(digits_vertex=max(int(digits), 2))
         mesh.update_faces(mesh.unique_faces() & mesh.nondegenerate_faces())
     mesh.export(file, include_normals=False, include_texture=False)
     return file.name
 
 
-def _joint(joint: Joint) -> Element:
-    limit = _tag(
-        "limit", lower=joint.lower, upper=joint.upper, effort=joint.effort
-    )
-    if joint.speed:
-        limit.set("velocity", f"{joint.speed:.9g}")
-    element = _tag(
+def _joint(joint: Joint) -> ElementTree.Element:
+    return _tag(
         "joint",
         _origin(joint.X_PC),
         _tag("parent", link=joint.parent),
         _tag("child", link=joint.child),
         _tag("axis", xyz=joint.axis),
-        limit,
+        _tag(
+            "limit",
+            lower=joint.lower,
+            upper=joint.upper,
+            effort=joint.effort,
+            **({"velocity": joint.speed} if joint.speed else {}),
+        ),
+        *([_tag("dynamics", damping=joint.damping)] if joint.damping else []),
         name=joint.name,
         type="revolute",
     )
-    if joint.damping:
-        element.append(_tag("dynamics", damping=joint.damping))
-    return element
 
 
-def _transmission(joint: Joint) -> Element:
-    kind = Element("type")
+def _transmission(joint: Joint) -> ElementTree.Element:
+    kind = ElementTree.Element("type")
     kind.text = "transmission_interface/SimpleTransmission"
     return _tag(
         "transmission",

@@ -25,6 +25,7 @@ from nadia_balance.new_robot.description import (
     Vector,
     spatial_inertia,
 )
+from nadia_balance.parameters.bounds import require
 
 DRAKE = "{http://drake.mit.edu}"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -57,12 +58,17 @@ class _Part:
             values = np.array(text.split(), float)
         except ValueError:
             values = np.array([])
-        if len(values) != count or not np.isfinite(values).all():
-            raise ValueError(f"{place}: must be {count} finite number(s)")
-        if key in _POSITIVE and min(values) <= 0.0:
-            raise ValueError(f"{place}: must be > 0")
-        if key in _NOT_NEGATIVE and min(values) < 0.0:
-            raise ValueError(f"{place}: must be >= 0")
+        require(
+            len(values) == count and np.isfinite(values).all(),
+            f"{place}: must be {count} finite number(s)",
+        )
+        require(
+            key not in _POSITIVE or min(values) > 0.0, f"{place}: must be > 0"
+        )
+        require(
+            key not in _NOT_NEGATIVE or min(values) >= 0.0,
+            f"{place}: must be >= 0",
+        )
         return values
 
     def number(self, path: str, key: str, default: str = "0") -> float:
@@ -92,13 +98,16 @@ def read_urdf(
     Raises:
         ValueError: it has xacro or closed loops, or a number is invalid.
     """
-    if top.tag != "robot" or top.findall(".//{http://www.ros.org/wiki/xacro}*"):
-        raise ValueError(
-            f"<{top.tag}>: must be a URDF, xacro expanded, or an MJCF"
-        )
+    require(
+        top.tag == "robot"
+        and not top.findall(".//{http://www.ros.org/wiki/xacro}*"),
+        f"<{top.tag}>: must be a URDF, xacro expanded, or an MJCF",
+    )
     for tag in sorted({child.tag for child in top} - _TAGS):
-        if any(word in tag for word in _LOOPS):
-            raise ValueError(f"<{tag}>: must not be there, a closed loop")
+        require(
+            not any(word in tag for word in _LOOPS),
+            f"<{tag}>: must not be there, a closed loop",
+        )
         notes.add("changed", "left out the tags", tag)
     links = _links(top, [*roots, *file.resolve().parents], notes)
     joints = {
@@ -175,8 +184,10 @@ def _parts(top: Element, tag: str) -> dict[str, _Part]:
     parts: dict[str, _Part] = {}
     for element in top.findall(tag):
         name = element.get("name", "")
-        if not name or name in parts or "::" in name:
-            raise ValueError(f"{tag} {name!r}: must be a unique name, no ::")
+        require(
+            name != "" and name not in parts and "::" not in name,
+            f"{tag} {name!r}: must be a unique name, no ::",
+        )
         parts[name] = _Part(f"{tag} {name}", element)
     return parts
 
@@ -188,14 +199,13 @@ def _joint(name: str, part: _Part) -> Joint:
         if kind == "fixed"
         else part.numbers("axis", "xyz", "1 0 0")
     )
-    if not axis.any():
-        raise ValueError(f"{part.name}: axis: must not be 0 0 0")
+    require(axis.any(), f"{part.name}: axis: must not be 0 0 0")
     lower = part.number("limit", "lower")
     upper = part.number("limit", "upper")
-    if lower > upper:
-        raise ValueError(
-            f"{part.name}: lower limit = {lower}: must be <= upper = {upper}"
-        )
+    require(
+        lower <= upper,
+        f"{part.name}: lower limit = {lower}: must be <= upper = {upper}",
+    )
     return Joint(
         name=name,
         type="weld" if kind == "fixed" else kind,
@@ -333,8 +343,10 @@ def _inertia(part: _Part, link: Link, notes: Notes) -> SpatialInertia:
     if not mass:
         return SpatialInertia.Zero()
     com: Vector = X.translation()
-    moments = [part.number("inertial/inertia", key) for key in MOMENTS]
-    given = np.take(moments, [[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    given = np.take(
+        [part.number("inertial/inertia", key) for key in MOMENTS],
+        [[0, 3, 4], [3, 1, 5], [4, 5, 2]],
+    )
     if link.shapes and not given.any():
         notes.add("changed", "moments of inertia of 0, now of a box", link.name)
         return SpatialInertia.SolidBoxWithMass(
@@ -358,6 +370,8 @@ def _possible(inertia: Array, mass: float) -> Array:
     largest = int(moments.argmax())
     rest = moments.sum() - moments[largest]
     moments[largest] = min(moments[largest], 0.999 * rest)
-    if (moments == given).all():
-        return inertia
-    return np.asarray(axes @ np.diag(moments) @ axes.T)
+    return (
+        inertia
+        if (moments == given).all()
+        else np.asarray(axes @ np.diag(moments) @ axes.T)
+    )

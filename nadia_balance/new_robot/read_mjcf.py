@@ -6,7 +6,6 @@ from pathlib import Path
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import trimesh
-from mujoco import mjtEq, mjtGeom, mjtJoint, mjtTrn
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import SpatialInertia
@@ -26,7 +25,10 @@ from nadia_balance.new_robot.description import (
 )
 from nadia_balance.new_robot.read import let_go
 
-_KINDS = {mjtJoint.mjJNT_HINGE: "revolute", mjtJoint.mjJNT_SLIDE: "prismatic"}
+_KINDS = {
+    mujoco.mjtJoint.mjJNT_HINGE: "revolute",
+    mujoco.mjtJoint.mjJNT_SLIDE: "prismatic",
+}
 # MuJoCo's sizes are half of a URDF's, but for radii and ellipsoids.
 _HALF = {"box": (0.5, 0.5, 0.5), "ellipsoid": (1.0, 1.0, 1.0)}
 
@@ -61,7 +63,7 @@ def read_mjcf(file: Path, notes: Notes) -> Description:
     names = [model.body(i).name or f"body_{i}" for i in range(model.nbody)]
     # A link has its origin at the last joint of its body.
     origins = np.zeros((model.nbody, 3))
-    held = model.jnt_type != mjtJoint.mjJNT_FREE
+    held = model.jnt_type != mujoco.mjtJoint.mjJNT_FREE
     origins[model.jnt_bodyid[held]] = model.jnt_pos[held]
     links = {"world": Link("world")}
     joints: dict[str, Joint] = {}
@@ -103,19 +105,21 @@ def _leave_out(spec: mujoco.MjSpec, file: Path, notes: Notes) -> None:
 def _mark_mimics(model: mujoco.MjModel, joints: Mapping[str, Joint]) -> None:
     """Marks joints whose angles equalities set; refuses closed loops."""
     for i in np.flatnonzero(model.eq_active0):
-        kind = mjtEq(model.eq_type[i])
-        if kind == mjtEq.mjEQ_JOINT:
+        kind = mujoco.mjtEq(model.eq_type[i])
+        if kind == mujoco.mjtEq.mjEQ_JOINT:
             joint = model.eq_obj1id[i]
             joints[model.joint(joint).name or f"joint_{joint}"].mimics = True
-        elif kind in (mjtEq.mjEQ_CONNECT, mjtEq.mjEQ_WELD):
+        elif kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
             raise ValueError(
                 f"equality {model.eq(i).name}: must not be there, a closed loop"
             )
 
 
 def _pose(position: Vector, quaternion: Vector) -> RigidTransform:
-    R = RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
-    return RigidTransform(R, position)
+    return RigidTransform(
+        RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion))),
+        position,
+    )
 
 
 def _inertia_of_body(
@@ -145,7 +149,7 @@ def _chain(
         )
     joints = np.flatnonzero(model.jnt_bodyid == body)
     before: Vector = np.zeros(3)  # the joint before, in the body
-    for i in joints[model.jnt_type[joints] != mjtJoint.mjJNT_FREE]:
+    for i in joints[model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE]:
         name = model.joint(i).name or f"joint_{i}"
         child = link if i == joints[-1] else f"{link}_{name}"
         dof = model.jnt_dofadr[i]
@@ -178,7 +182,7 @@ def _effort(model: mujoco.MjModel, joint: int) -> float:
     if model.jnt_actfrclimited[joint]:
         efforts.append(np.abs(model.jnt_actfrcrange[joint]).max())
     for i in np.flatnonzero(
-        (model.actuator_trntype <= int(mjtTrn.mjTRN_JOINTINPARENT))
+        (model.actuator_trntype <= int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
         & (model.actuator_trnid[:, 0] == joint)
     ):
         gear = abs(model.actuator_gear[i, 0])
@@ -195,7 +199,7 @@ def _shapes(
 ) -> Iterator[Shape]:
     """Yields the shapes of a body; what MuJoCo lets touch is colliding."""
     for i in np.flatnonzero(model.geom_bodyid == body):
-        kind = mjtGeom(model.geom_type[i]).name[len("mjGEOM_") :].lower()
+        kind = mujoco.mjtGeom(model.geom_type[i]).name[len("mjGEOM_") :].lower()
         if kind not in SOLIDS:
             continue
         touches = (

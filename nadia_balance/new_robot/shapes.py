@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import trimesh
@@ -22,6 +22,7 @@ from nadia_balance.new_robot.description import (
     Shape,
     Vector,
 )
+from nadia_balance.parameters.bounds import require
 
 # Tolerances for points on the plane, of meshes and of round solids [m].
 _ON_PLANE = {"mesh": 0.002, "cylinder": 1e-4, "ellipsoid": 1e-4}
@@ -77,11 +78,11 @@ def find_sole(foot: Link, down: Array) -> SolePlane:
         ValueError: no shape is flat below.
     """
     planes = [sole_plane(foot.of(role), down, role) for role in _WEIGHT]
-    if not any(planes):
-        raise ValueError(
-            f"foot {foot.name}: must have a shape with a flat side below"
-            + (f"; {foot.missing}" if foot.missing else "")
-        )
+    require(
+        any(planes),
+        f"foot {foot.name}: must have a shape with a flat side below"
+        + (f"; {foot.missing}" if foot.missing else ""),
+    )
     return max(
         filter(None, planes),
         key=lambda plane: _WEIGHT[plane.source] * plane.area,
@@ -178,8 +179,10 @@ def largest_rectangle(soles: Sequence[Array]) -> tuple[float, float, float]:
     heels = (room[behind] / a_x[behind, None]).max(axis=0)
     toes = (room[ahead] / a_x[ahead, None]).min(axis=0)
     i = int((widths * (toes - heels)).argmax())
-    if not toes[i] > heels[i] or not widest > 0.0:
-        raise ValueError("soles: must have a part on y = 0 in common")
+    require(
+        toes[i] > heels[i] and widest > 0.0,
+        "soles: must have a part on y = 0 in common",
+    )
     return float(heels[i]), float(toes[i]), float(widths[i])
 
 
@@ -342,15 +345,17 @@ def _shoe(
     radius = min(2.0 / 3.0 * half_width, 0.25 * length)
     y = half_width - radius
     z += _SHOE_ABOVE_SOLE + radius
-    centres: Vector = [(0.5 * (x_min + x_max), side, z) for side in (y, -y)]
     return [
         _solid(
             "capsule",
-            RigidTransform(RotationMatrix.MakeYRotation(0.5 * np.pi), centre),
+            RigidTransform(
+                RotationMatrix.MakeYRotation(0.5 * np.pi),
+                cast(Vector, [0.5 * (x_min + x_max), side, z]),
+            ),
             radius=radius,
             length=0.9 * length - 2.0 * radius,
         )
-        for centre in centres
+        for side in (y, -y)
     ]
 
 

@@ -12,8 +12,7 @@ check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
 import dataclasses
 import inspect
 import math
-import typing
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
@@ -89,13 +88,13 @@ class Bounds(NamedTuple):
             opening = "[" if self.above is None else "("
             closing = "]" if self.below is None else ")"
             return f"in {opening}{low:g}, {high:g}{closing}{unit}"
-        if low is not None:
-            rule = f"{'>=' if self.above is None else '>'} {low:g}{unit}"
-        else:
-            rule = f"{'<=' if self.below is None else '<'} {high:g}{unit}"
-        if self.finite and not math.isfinite(value):
-            return f"finite and {rule}"
-        return rule
+        rule = (
+            f"{'<=' if self.below is None else '<'} {high:g}{unit}"
+            if low is None
+            else f"{'>=' if self.above is None else '>'} {low:g}{unit}"
+        )
+        is_infinite = self.finite and not math.isfinite(value)
+        return f"finite and {rule}" if is_infinite else rule
 
 
 UNBOUNDED = Bounds()
@@ -122,7 +121,7 @@ def bounded(default: Any, *, doc: str = "", **bounds: Any) -> Any:
 
 
 # For type checkers `bounded(x)` is a default like any other.
-@typing.dataclass_transform(
+@dataclass_transform(
     kw_only_default=True, field_specifiers=(dataclasses.field,)
 )
 def parameters(owner: type[T]) -> type[T]:
@@ -217,8 +216,10 @@ def check_type(name: str, value: object, kind: type) -> None:
     Raises:
         ValueError: it is something else.
     """
-    if not isinstance(value, kind):
-        raise ValueError(f"{name} = {value!r}: must be a {kind.__name__}")
+    require(
+        isinstance(value, kind),
+        f"{name} = {value!r}: must be a {kind.__name__}",
+    )
 
 
 def require(fulfilled: bool, message: str) -> None:
@@ -245,13 +246,16 @@ def _check(value: object, name: str, bounds: Bounds) -> None:
         for key, item in value.items():
             _check(item, _join(name, str(key)), bounds)
     elif isinstance(value, str):
-        if bounds.one_of and value not in bounds.one_of:
-            raise ValueError(
-                f"{name} = {value!r}: must be one of {', '.join(bounds.one_of)}"
-            )
-    elif isinstance(value, float | int) and not isinstance(value, bool):
-        if not bounds.allow(value):
-            raise ValueError(f"{name} = {value}: must be {bounds.rule(value)}")
+        require(
+            not bounds.one_of or value in bounds.one_of,
+            f"{name} = {value!r}: must be one of {', '.join(bounds.one_of)}",
+        )
+    elif (
+        isinstance(value, float | int)
+        and not isinstance(value, bool)
+        and not bounds.allow(value)
+    ):
+        raise ValueError(f"{name} = {value}: must be {bounds.rule(value)}")
 
 
 def _join(name: str, part: str) -> str:

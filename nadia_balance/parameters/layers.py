@@ -51,10 +51,11 @@ def merged(
     for layer in layers:
         check_types(schema, layer.tree)
         tree = overlaid(tree, layer.tree)
-        if layer.for_nadia:
-            kept = _without(kept, layer.tree)
-        else:
-            kept = overlaid(kept, layer.tree)
+        kept = (
+            _without(kept, layer.tree)
+            if layer.for_nadia
+            else overlaid(kept, layer.tree)
+        )
         for path in _paths(layer.tree):
             sources = {
                 other: source

@@ -5,13 +5,23 @@ import functools
 import itertools
 import re
 import types
-import typing
+from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import (
+    Any,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import yaml
 
-T = typing.TypeVar("T")
+from nadia_balance.parameters.bounds import require
+
+T = TypeVar("T")
 
 MOST_CHARACTERS = 1_000_000  # in a file
 MOST_NODES = 100_000  # in a file, with each alias expanded
@@ -101,12 +111,13 @@ def load_tree(text: str, child_name: str | None = None) -> Any:
     tree = {} if tree is None else tree
     if child_name is None:
         return tree
-    if not isinstance(tree, dict):
-        raise ValueError("malformed YAML: must be a mapping of names")
-    if child_name not in tree:
-        raise ValueError(
-            f"{child_name!r}: must be one of {', '.join(map(str, tree))}"
-        )
+    require(
+        isinstance(tree, dict), "malformed YAML: must be a mapping of names"
+    )
+    require(
+        child_name in tree,
+        f"{child_name!r}: must be one of {', '.join(map(str, tree))}",
+    )
     return tree[child_name]
 
 
@@ -116,18 +127,18 @@ def _check_size(text: str) -> None:
     Raises ValueError: too many characters or nodes, or too deep a tree;
     YAMLError: it is malformed.
     """
-    if len(text) > MOST_CHARACTERS:
-        raise ValueError(f"must have at most {MOST_CHARACTERS} characters")
+    require(
+        len(text) <= MOST_CHARACTERS,
+        f"must have at most {MOST_CHARACTERS} characters",
+    )
     depth = 0
     for number, event in enumerate(yaml.parse(text, Loader=_Loader)):
-        if number > MOST_NODES:
-            raise ValueError(f"must have at most {MOST_NODES} values")
+        require(number <= MOST_NODES, f"must have at most {MOST_NODES} values")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
-        if depth > DEEPEST:
-            raise ValueError(f"must be nested at most {DEEPEST} deep")
+        require(depth <= DEEPEST, f"must be nested at most {DEEPEST} deep")
 
 
 def _check_nodes(text: str) -> None:
@@ -151,29 +162,29 @@ def _check_nodes(text: str) -> None:
         elif isinstance(node, yaml.ScalarNode):
             _check_number(node)
         sizes[id(node)] = 1 + sum(map(size, children))
-        if sizes[id(node)] > MOST_NODES:
-            raise ValueError(f"must have at most {MOST_NODES} values")
+        require(
+            sizes[id(node)] <= MOST_NODES,
+            f"must have at most {MOST_NODES} values",
+        )
         return sizes[id(node)]
 
     size(yaml.compose(text, Loader=_Loader))
 
 
 def _check_keys(node: yaml.MappingNode) -> None:
-    seen = set()
-    for key, _ in node.value:
-        if isinstance(key, yaml.ScalarNode):
-            if key.value in seen:
-                raise ValueError(f"{key.value}: must be given only once")
-            seen.add(key.value)
+    counts = Counter(
+        key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)
+    )
+    for key, count in counts.items():
+        require(count == 1, f"{key}: must be given only once")
 
 
 def _check_number(node: yaml.ScalarNode) -> None:
-    if node.tag.endswith((":int", ":float")) and re.search(
-        r":|^[-+]?0\d", node.value
-    ):
-        raise ValueError(
-            f"{node.value}: must be a number without ':' or a leading 0"
-        )
+    require(
+        not node.tag.endswith((":int", ":float"))
+        or not re.search(r":|^[-+]?0\d", node.value),
+        f"{node.value}: must be a number without ':' or a leading 0",
+    )
 
 
 def typed(schema: type[T], tree: object, name: str = "") -> T:
@@ -191,8 +202,7 @@ def typed(schema: type[T], tree: object, name: str = "") -> T:
         ValueError: names an unknown field, or one of a wrong type.
     """
     check_types(schema, tree, name)
-    made: T = _made(schema, tree, None)
-    return made
+    return cast(T, _made(schema, tree, None))
 
 
 def _made(schema: Any, value: Any, default: Any) -> Any:
@@ -200,10 +210,10 @@ def _made(schema: Any, value: Any, default: Any) -> Any:
 
     The tree of a class has the fields that differ from its `default`.
     """
-    base, args = typing.get_origin(schema), typing.get_args(schema)
+    base, args = get_origin(schema), get_args(schema)
     if value is None or (base is None and isinstance(value, schema)):
         return value
-    if base in (typing.Union, types.UnionType):
+    if base in (Union, types.UnionType):
         return _made(not_none(args), value, default)
     if base is list:
         return [_made(args[0], item, None) for item in value]
@@ -246,31 +256,33 @@ def check_types(schema: Any, value: object, name: str = "") -> None:
     Raises:
         ValueError: names an unknown field, or one of a wrong type.
     """
-    base, args = typing.get_origin(schema), typing.get_args(schema)
+    base, args = get_origin(schema), get_args(schema)
     if schema in _NAMES:
         _require(_is_scalar(schema, value), name, value, _NAMES[schema])
-    elif base in (typing.Union, types.UnionType):
+    elif base in (Union, types.UnionType):
         if value is not None:
             check_types(not_none(args), value, name)
     elif base is list:
         _require(isinstance(value, list | tuple), name, value, "a list")
-        for i, item in enumerate(typing.cast(list[object], value)):
+        for i, item in enumerate(cast(list[object], value)):
             check_types(args[0], item, f"{name}[{i}]")
     elif base is dict or not isinstance(value, schema):
         _require(
             isinstance(value, dict), name, value, "a mapping of fields, or {}"
         )
-        fields = None if base is dict else field_types(schema)
-        for key, item in typing.cast(dict[str, object], value).items():
+        tree = cast(dict[str, object], value)
+        fields = (
+            dict.fromkeys(tree, args[1])
+            if base is dict
+            else field_types(schema)
+        )
+        for key, item in tree.items():
             path = f"{name}.{key}" if name else str(key)
-            if fields is None:
-                check_types(args[1], item, path)
-            elif key in fields:
-                check_types(fields[key], item, path)
-            else:
+            if key not in fields:
                 raise ValueError(
                     f"{path}: unknown field, must be one of {', '.join(fields)}"
                 )
+            check_types(fields[key], item, path)
 
 
 @functools.cache
@@ -283,7 +295,7 @@ def field_types(schema: type) -> dict[str, Any]:
     Returns:
         The types, by name.
     """
-    hints = typing.get_type_hints(schema)
+    hints = get_type_hints(schema)
     return {
         field.name: hints[field.name]
         for field in dataclasses.fields(schema)

@@ -36,9 +36,7 @@ def dump(
         allow_unicode=True,
         width=4096,
     )
-    if not comments:
-        return text
-    return _commented(text, bool(child_name), comments)
+    return _commented(text, bool(child_name), comments) if comments else text
 
 
 def as_tree(value: Any) -> Any:

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 
+from nadia_balance.parameters.bounds import require
+
 
 @contextlib.contextmanager
 def new_folder(
@@ -30,10 +32,10 @@ def new_folder(
     """
     with locked(prepare_folder(out, name)) as folder:
         for file in files:
-            if (folder / file).exists():
-                raise ValueError(
-                    f"out = {str(out)!r}: must be a folder without {file}"
-                )
+            require(
+                not (folder / file).exists(),
+                f"out = {str(out)!r}: must be a folder without {file}",
+            )
         yield folder
 
 

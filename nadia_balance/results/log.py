@@ -325,15 +325,17 @@ def landings(log: Log) -> list[float]:
     Returns:
         Times [s] of all landings, in order.
     """
-    if "walking_signal" in log or "foot_forces" not in log:
-        return [step.swing.end for step in steps(log)]
-    return sorted(
-        landing
-        for side in Side
-        for (start, duration), (landing, _) in itertools.pairwise(
-            contacts(log, side)
+    return (
+        [step.swing.end for step in steps(log)]
+        if "walking_signal" in log or "foot_forces" not in log
+        else sorted(
+            landing
+            for side in Side
+            for (start, duration), (landing, _) in itertools.pairwise(
+                contacts(log, side)
+            )
+            if landing - (start + duration) > BOUNCE
         )
-        if landing - (start + duration) > BOUNCE
     )
 
 
@@ -413,9 +415,10 @@ def push_direction(walking: WalkingSignal | None, force: Array) -> float:
     Returns:
         The angle, in [0, 360) [deg].
     """
-    angle = math.atan2(force[1], force[0])
-    if walking is not None:
-        angle -= foot_part(walking, support_side(walking))[2]
+    heading = (
+        0.0 if walking is None else foot_part(walking, support_side(walking))[2]
+    )
+    angle = math.atan2(force[1], force[0]) - heading
     return round(math.degrees(angle), 6) % 360.0
 
 

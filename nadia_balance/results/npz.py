@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy
+
+from nadia_balance.parameters.bounds import require
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray[Any, Any]]:
@@ -27,19 +28,20 @@ def read_npz(path: Path) -> dict[str, np.ndarray[Any, Any]]:
         for entry in archive.infolist():
             with archive.open(entry) as file:
                 shape, dtype = _header(file)
-            if math.prod(shape) * dtype.itemsize > entry.file_size:
-                raise ValueError(f"{entry.filename} says it is {shape}")
+            require(
+                math.prod(shape) * dtype.itemsize <= entry.file_size,
+                f"{entry.filename} says it is {shape}",
+            )
     with np.load(path, allow_pickle=False) as data:
         return dict(data)
 
 
 def _header(file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     read = {
-        (1, 0): npy.read_array_header_1_0,
-        (2, 0): npy.read_array_header_2_0,
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
     }
-    version = npy.read_magic(file)
-    if version not in read:
-        raise ValueError(f"is of version {version}")
+    version = np.lib.format.read_magic(file)
+    require(version in read, f"is of version {version}")
     shape, _, dtype = read[version](file)
     return shape, dtype

@@ -65,8 +65,10 @@ def telling(log: Log, summary: dict[str, Any]) -> list[tuple[float, str]]:
     Returns:
         Times [s] and lines, in order; the last one is the result.
     """
-    events = [(push.start, _tell_push(log, push)) for push in pushes(log)]
-    events += _tell_steps(log)
+    events = [
+        *((push.start, _tell_push(log, push)) for push in pushes(log)),
+        *_tell_steps(log),
+    ]
     end = _end_time(log, summary)
     if summary["fell_at"] is None:
         end = max([end, *(time for time, _ in events)])
@@ -304,19 +306,20 @@ def recovery_words(count: int) -> str:
     Returns:
         Such as `RECOVERED in 2 steps`, or `RECOVERED without a step`.
     """
-    if not count:
-        return "RECOVERED without a step"
-    return f"RECOVERED in {count} step{'' if count == 1 else 's'}"
+    return (
+        f"RECOVERED in {count} step{'' if count == 1 else 's'}"
+        if count
+        else "RECOVERED without a step"
+    )
 
 
 def _tell_push(log: Log, push: PushSpan) -> str:
     words = push_words(walking_at(log, push.first), push.force, push.delta_v)
     newtons = float(np.linalg.norm(push.force))
-    force = signal_view(log, "push_signal", push.rows).force
-    least = np.min(np.linalg.norm(force, axis=0))
-    sign = "=" if least > 0.999 * newtons else "<="
+    forces = signal_view(log, "push_signal", push.rows).force
+    is_constant = np.min(np.linalg.norm(forces, axis=0)) > 0.999 * newtons
     return (
-        f"{words:<44}  F {sign} {newtons:.0f} N "
+        f"{words:<44}  F {'=' if is_constant else '<='} {newtons:.0f} N "
         f"for {push.end - push.start:.2f} s"
     )
 
@@ -350,9 +353,8 @@ def tell_commands(log: Log) -> list[tuple[float, str]]:
         Times [s] and lines; none if they are more than TOLD_COMMANDS.
     """
     changes = velocity_commands(log)
-    if len(changes) > TOLD_COMMANDS:
-        return []
-    return [(time, command_words(command)) for time, command in changes]
+    few = changes if len(changes) <= TOLD_COMMANDS else []
+    return [(time, command_words(command)) for time, command in few]
 
 
 def _tell_modes(log: Log) -> list[tuple[float, str]]:
@@ -366,9 +368,12 @@ def _tell_modes(log: Log) -> list[tuple[float, str]]:
         for before, after in itertools.pairwise(modes)
         if (before.mode, after.mode) == (Mode.STANDING, Mode.RECOVERING)
     ]
-    taken = math.inf  # steps, when it last stood
-    if modes and modes[0].mode is Mode.STANDING:
-        taken = signal_view(log, "walking_signal", 0).steps_taken
+    # Steps, when it last stood.
+    taken = (
+        signal_view(log, "walking_signal", 0).steps_taken
+        if modes and modes[0].mode is Mode.STANDING
+        else math.inf
+    )
     for span in phase_spans(log):
         walking = signal_view(log, "walking_signal", span.first)
         if span.phase is not Phase.STANDING or not span.first:
@@ -382,9 +387,11 @@ def _tell_modes(log: Log) -> list[tuple[float, str]]:
 
 
 def _tell_time(name: str, span: PhaseSpan) -> str:
-    if abs(span.duration - span.planned) < TOLD_TIME:
-        return ""
-    return f"{name} {span.planned:.2f} -> {span.duration:.2f} s"
+    return (
+        ""
+        if abs(span.duration - span.planned) < TOLD_TIME
+        else f"{name} {span.planned:.2f} -> {span.duration:.2f} s"
+    )
 
 
 def _end_time(log: Log, summary: dict[str, Any]) -> float:
@@ -410,6 +417,5 @@ def _tell_outcome(log: Log, summary: dict[str, Any], end: float) -> str:
         return recovery_words(int(taken[row] - taken[pushed[-1].first]))
     count = summary["steps_taken"]
     words = f"WALKED {count} steps" if count else "STOOD"
-    if "icp" in log:
-        return words
-    return f"{words}, upright" + ", after the push" * bool(pushed)
+    upright = ", upright" + ", after the push" * bool(pushed)
+    return words if "icp" in log else words + upright

@@ -152,8 +152,8 @@ def outcomes(rows: Rows) -> str:
         Words, such as "3: 2 recovered, 1 fell".
     """
     counts = Counter(row["outcome"] for row in rows.all)
-    words = ", ".join(f"{counts[n]} {n}" for n in OUTCOMES if counts[n])
-    return f"{len(rows.all)}: {words}"
+    words = [f"{counts[name]} {name}" for name in OUTCOMES if counts[name]]
+    return f"{len(rows.all)}: {', '.join(words)}"
 
 
 def table_of(
@@ -209,8 +209,9 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """
     rows = [head, *lines]
     widths = [max(3, *map(len, column)) for column in zip(*rows, strict=True)]
-    texts = (" | ".join(map(str.rjust, row, widths)) for row in rows)
-    first, *others = [f"| {text} |" for text in texts]
+    first, *others = [
+        f"| {' | '.join(map(str.rjust, row, widths))} |" for row in rows
+    ]
     rule = "|".join("-" * (width + 1) + ":" for width in widths)
     return "\n".join([first, f"|{rule}|", *others])
 
@@ -382,8 +383,7 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     handles: list[Artist] = [lines[name] for name in labels]
     # Where no limit is known, as from standing, nothing is drawn of it.
     if np.size(lines[HIPS_LABEL].get_xdata()):
-        handles.append(Patch(facecolor=BEYOND, edgecolor=FAINT))
-        handles.append(lines[HIPS_LABEL])
+        handles += [Patch(facecolor=BEYOND, edgecolor=FAINT), lines[HIPS_LABEL]]
         labels |= {LIMIT_LABEL: LIMIT_LABEL, HIPS_LABEL: HIPS_LABEL}
     fig.legend(
         handles=handles,

@@ -21,9 +21,8 @@ from nadia_balance.diagrams import simulation
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.verdict import RecoveryWatch, push_signal
+from nadia_balance.parameters import yaml_reader, yaml_writer
 from nadia_balance.parameters.bounds import require
-from nadia_balance.parameters.yaml_reader import load_typed
-from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.results.summary import Run
 from nadia_balance.sweep.lipm_limit import LipmLimit
 from nadia_balance.sweep.search import Sweep
@@ -181,11 +180,11 @@ def search(
         ValueError: this process has another code or robot than `identity`.
     """
     for name, value in of_process(sweep.one, sweep.controller).items():
-        if identity.get(name, value) != value:
-            raise ValueError(
-                f"{name} = {value}: must be {identity[name]}, as when the "
-                "sweep began"
-            )
+        require(
+            identity.get(name, value) == value,
+            f"{name} = {value}: must be {identity.get(name)}, as when the "
+            "sweep began",
+        )
     results: Results = {}
     rows = []
     while batch := sweep.attempts(cell, results):
@@ -216,7 +215,10 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
     """
     walk = sweep.walk(cell, replica)
     diagram, walked, run = _walked(
-        dump(walk), sweep.plant, sweep.controller, threading.get_ident()
+        yaml_writer.dump(walk),
+        sweep.plant,
+        sweep.controller,
+        threading.get_ident(),
     )
     try:
         verdict = _ended(
@@ -244,7 +246,7 @@ def _walked(
 ) -> tuple[ClosedLoop, Context, Run]:
     """Diagram, Context and Run at the push; threads do not share diagrams."""
     diagram = simulation.closed_loop(
-        load_typed(Scenario, "walk", data=text), plant, controller
+        yaml_reader.load_typed(Scenario, "walk", data=text), plant, controller
     )
     return diagram, *simulation.walk_to_push(diagram)
 

@@ -105,10 +105,11 @@ class Sweep:
         """
         check(self.search)
         for name, scenario in self.scenarios.items():
-            given = scenario.robot, scenario.seed, scenario.engine
-            shared = self.one.robot, self.one.seed, self.one.engine
             require(
-                len(scenario.pushes) == 1 and given == shared,
+                len(scenario.pushes) == 1
+                and scenario.robot == self.one.robot
+                and scenario.seed == self.one.seed
+                and scenario.engine == self.one.engine,
                 f"scenario_name = {name!r}: must have one push, and the "
                 "robot, seed and engine of the other scenarios",
             )
@@ -257,19 +258,27 @@ def next_batch(
     # Doubts come first: if these pushes fail, larger ones are not needed.
     for delta_v, is_doubtful in below.items():
         if is_doubtful:
-            more = ((delta_v, replica) for replica in itertools.count())
-            return [next(attempt for attempt in more if attempt not in results)]
+            replica = next(
+                i for i in itertools.count() if (delta_v, i) not in results
+            )
+            return [(delta_v, replica)]
     # Places in the grid.
     lower = bisect_left(grid, max(below, default=0.0))
     upper = len(grid) if failed is None else bisect_left(grid, failed)
     if upper - lower > 1:
-        place = (lower + upper) // 2
-        if failed is None:
-            begin = max(round(first / search.resolution), search.stride)
-            place = lower + search.stride if below else begin
+        if failed is not None:
+            place = (lower + upper) // 2
+        elif below:
+            place = lower + search.stride
+        else:
+            place = max(round(first / search.resolution), search.stride)
         return [(grid[min(place, upper - 1)], 0)]
-    confirming = itertools.product(list(below)[-2:], range(search.required))
-    return [attempt for attempt in confirming if attempt not in results]
+    return [
+        (delta_v, replica)
+        for delta_v in list(below)[-2:]
+        for replica in range(search.required)
+        if (delta_v, replica) not in results
+    ]
 
 
 def limit(results: Results, search: SearchParams) -> Limit:
@@ -285,10 +294,11 @@ def limit(results: Results, search: SearchParams) -> Limit:
     if all(recovered is None for recovered in results.values()):
         return Limit(None, None, False)
     below, failed = _tried(results, search)
-    sure = itertools.takewhile(lambda v: not below[v], below)
     undecided = {v for (v, _), good in results.items() if good is None}
     return Limit(
-        recovered=max(sure, default=0.0),
+        recovered=max(
+            itertools.takewhile(lambda v: not below[v], below), default=0.0
+        ),
         failed=None if failed in undecided else failed,
         complete=not next_batch(results, search),
     )

@@ -161,9 +161,8 @@ class Rows:
         Raises:
             OSError: it cannot be written.
         """
-        row = {name: row.get(name) for name in COLUMNS}
+        row = with_digits({n: row.get(n) for n in COLUMNS}, FROM_SUMMARY)
         row["reason"] = " ".join((row["reason"] or "").split())
-        row = with_digits(row, FROM_SUMMARY)
         file = cast(TextIO, self.file)
         csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row)
         file.flush()
@@ -275,7 +274,7 @@ def _parsed(line: dict[str, str]) -> Row:
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
-    if not (
+    require(
         tuple(line) == COLUMNS
         and row["outcome"] in OUTCOMES
         and row["mechanisms"] in NAMED
@@ -286,9 +285,9 @@ def _parsed(line: dict[str, str]) -> Row:
         )
         and 0.0 <= row["delta_v"] <= MOST
         and 0.0 <= row["direction_deg"] <= 360.0
-        and row["replica"] >= 0
-    ):
-        raise ValueError(f"{', '.join(map(str, line.values()))}: is no trial")
+        and row["replica"] >= 0,
+        f"{', '.join(map(str, line.values()))}: is no trial",
+    )
     if row["at"] != STANDING:
         Moment.parse(row["at"])
     return row

@@ -1,7 +1,7 @@
 """Arrows of what the user is about to do: the push, and the commanded way."""
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone
@@ -11,7 +11,7 @@ from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import FootPoses, Side
-from nadia_balance.view.scene import transform
+from nadia_balance.view.scene import add_marker, transform
 
 ROOT = "/aims"  # not part of the drawings of a run
 PUSH = f"{ROOT}/push"
@@ -44,11 +44,9 @@ class Aims:
             ("shaft", Cylinder(0.012, 1.0)),
             ("tip", MeshcatCone(_TIP, 0.04, 0.04)),
         ):
-            path = f"{PUSH}/{part}"
-            meshcat.SetObject(path, shape, palette.rgba(palette.PUSH, 0.4))
-            # It is seen through the robot.
-            meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
-            meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
+            add_marker(
+                meshcat, f"{PUSH}/{part}", shape, palette.PUSH, opacity=0.4
+            ).show(True, None)
         # A cone opens along z from its tip; the arrow's tip points along z.
         meshcat.SetTransform(
             f"{PUSH}/tip",
@@ -73,8 +71,8 @@ class Aims:
             shaft: Any = np.asfortranarray(np.diag([1.0, 1.0, length, 1.0]))
             shaft[2, 3] = -_GAP - _TIP - 0.5 * length
             self._meshcat.SetTransform(f"{PUSH}/shaft", shaft)
-        direction: Any = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        R_WP = RotationMatrix.MakeFromOneVector(direction, 2)
+        direction = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        R_WP = RotationMatrix.MakeFromOneVector(cast(Any, direction), 2)
         self._meshcat.SetTransform(PUSH, transform(com, R_WP))
 
     def draw_command(self, command: Array, com: Array, feet: FootPoses) -> None:
@@ -123,9 +121,11 @@ class Aims:
                 [[2 * n], [2 * n + 1], [2 * n + 2]],  # the tip
             ]
         ).astype(np.int32)
-        vertices: Any = np.vstack([corners.T, np.zeros(len(corners))])
         self._meshcat.SetTriangleMesh(
-            COMMAND, vertices, triangles, palette.rgba(palette.COMMAND, 0.8)
+            path=COMMAND,
+            vertices=cast(Any, np.vstack([corners.T, np.zeros(len(corners))])),
+            faces=triangles,
+            rgba=palette.rgba(palette.COMMAND, 0.8),
         )
 
 
@@ -146,11 +146,9 @@ def commanded_way(command: Array) -> Array:
     forward, left, turn = np.asarray(command, dtype=float).tolist()
     times = np.linspace(0.0, HORIZON, _POINTS)
     angles = turn * times
-    if abs(turn) > 1e-9:
-        along = np.sin(angles) / turn
-        across = (1.0 - np.cos(angles)) / turn
-    else:
-        along, across = times, np.zeros_like(times)
+    # sin(w t) / w and (1 - cos(w t)) / w, also at w = 0.
+    along = times * np.sinc(angles / np.pi)
+    across = times * np.sin(0.5 * angles) * np.sinc(0.5 * angles / np.pi)
     return np.column_stack(
         [
             AHEAD * np.cos(angles) + forward * along - left * across,

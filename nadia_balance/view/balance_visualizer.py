@@ -109,8 +109,7 @@ class BalanceVisualizer(LeafSystem):
         self._push_force = optional_input(self, "push_force")
         self._regions = optional_input(self, "capture_regions")
         self._add_objects()
-        if ground is not None:
-            self._add_ground(ground)
+        self._add_ground(ground)
         self.DeclareInitializationPublishEvent(self._forget)
         self.DeclarePeriodicPublishEvent(PERIOD, 0.0, self._draw)
         self.DeclareForcedPublishEvent(self._draw)
@@ -154,8 +153,8 @@ class BalanceVisualizer(LeafSystem):
             outlined=True,
         )
 
-    def _add_ground(self, ground: Ground) -> None:
-        for i, region in enumerate(ground.regions):
+    def _add_ground(self, ground: Ground | None) -> None:
+        for i, region in enumerate(ground.regions if ground else ()):
             if not region.obstacle:
                 add_polygon(
                     self._meshcat,
@@ -254,15 +253,13 @@ class BalanceVisualizer(LeafSystem):
         self._markers["com"].place(transform(com.position), time)
         self._middle.place(transform([*com.position[:2], 0.0]), time)
         force = self._push_force(context)
-        if force is None:
-            return
-        if np.linalg.norm(force) > 1e-6:
+        if force is not None and np.linalg.norm(force) > 1e-6:
             # A push lasts about three frames, too short to be seen: the arrow
             # is hidden later in the recording.
             R_WP = RotationMatrix.MakeFromOneVector(force, 2)
             self._arrow.show(False, time + LINGER)
             self._arrow.place(transform(com.position, R_WP), time)
-        else:
+        elif force is not None:
             self._arrow.show(False, None)  # a recording shows it longer
 
     def _draw_regions(self, context: Context) -> None:

@@ -36,6 +36,7 @@ from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import FootPose
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.wiring import connect
@@ -45,14 +46,23 @@ FRAMES_PER_SECOND = 32.0
 PERIOD = 1.0 / FRAMES_PER_SECOND  # of frames [s]
 ROBOT, GHOST = "/drake/robot", "/drake/ghost"  # as it is, as estimated
 CONTROLS = "live_controls"  # name of the LiveControls system
-# Lights of the default scene: intensity and new position.  Ambient and fill
-# light are strong because the point lights fade with distance.
-_LIGHTS = {
-    "AmbientLight": (1.3, None),
-    "FillLight": (1.9, [4.0, 1.0, 6.0]),
-    "PointLightNegativeX": (2.0, None),
-    "PointLightPositiveX": (2.0, None),
-}
+# Changes of the default scene.  Ambient and fill light are strong because the
+# point lights fade with distance.
+_PROPERTIES: tuple[tuple[str, str, Any], ...] = (
+    ("/Lights/AmbientLight/<object>", "intensity", 1.3),
+    ("/Lights/FillLight/<object>", "intensity", 1.9),
+    ("/Lights/FillLight/<object>", "position", [4.0, 1.0, 6.0]),
+    ("/Lights/PointLightNegativeX/<object>", "intensity", 2.0),
+    ("/Lights/PointLightPositiveX/<object>", "intensity", 2.0),
+    ("/Background/<object>", "top_color", [*palette.rgb(palette.SKY_TOP)]),
+    (
+        "/Background/<object>",
+        "bottom_color",
+        [*palette.rgb(palette.SKY_BOTTOM)],
+    ),
+    ("/Axes", "visible", False),
+    ("/Grid", "visible", False),
+)
 _CAMERA: Any = [3.3, 1.9, 1.75]  # in W [m]
 _TARGET: Any = [0.25, 0.0, 0.72]  # in W [m]
 _FLOOR, _CELL = 15.0, 0.5  # half size, grid [m]
@@ -73,8 +83,10 @@ def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
         ValueError: `port` is not in [1024, 65535].
     """
     # Drake aborts for lower ports, and uses port - 65536 for higher ones.
-    if port is not None and not 1024 <= port <= 65535:
-        raise ValueError(f"port = {port}: must be in [1024, 65535]")
+    require(
+        port is None or 1024 <= port <= 65535,
+        f"port = {port}: must be in [1024, 65535]",
+    )
     try:
         return Meshcat(MeshcatParams(host="localhost", port=port)), ""
     except RuntimeError:
@@ -154,21 +166,8 @@ def set_scene(meshcat: Meshcat) -> None:
     Args:
         meshcat: scene to change.
     """
-    for light, (intensity, position) in _LIGHTS.items():
-        path = f"/Lights/{light}/<object>"
-        meshcat.SetProperty(path, "intensity", intensity)
-        if position is not None:
-            meshcat.SetProperty(path, "position", position)
-    meshcat.SetProperty(
-        "/Background/<object>", "top_color", list(palette.rgb(palette.SKY_TOP))
-    )
-    meshcat.SetProperty(
-        "/Background/<object>",
-        "bottom_color",
-        list(palette.rgb(palette.SKY_BOTTOM)),
-    )
-    meshcat.SetProperty("/Axes", "visible", False)
-    meshcat.SetProperty("/Grid", "visible", False)
+    for path, name, value in _PROPERTIES:
+        meshcat.SetProperty(path, name, value)
     _add_floor(meshcat)
     # A narrow field of view reduces perspective distortion.
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=40.0))
@@ -190,8 +189,10 @@ def _add_floor(meshcat: Meshcat) -> None:
     """Adds a floor and its grid, just below the soles and all drawings."""
     size, half = _FLOOR, 0.5 * LINE
     ticks = np.arange(-size, size + half, _CELL)
-    lines = [(x - half, x + half, -size, size) for x in ticks]
-    lines += [(-size, size, y - half, y + half) for y in ticks]
+    lines = [
+        *((x - half, x + half, -size, size) for x in ticks),
+        *((-size, size, y - half, y + half) for y in ticks),
+    ]
     # Each is one mesh of rectangles (x_min, x_max, y_min, y_max) at height z.
     for name, rectangles, z, color in (
         ("plane", [(-size, size, -size, size)], -0.004, palette.FLOOR),
@@ -199,11 +200,13 @@ def _add_floor(meshcat: Meshcat) -> None:
     ):
         x0, x1, y0, y1 = np.transpose(rectangles)
         xy = np.array([[x0, x1, x1, x0], [y0, y0, y1, y1]])  # (2, 4, n)
-        corners: Any = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
+        corners = np.vstack([xy.reshape(2, -1), np.full(xy[0].size, z)])
         a, b, c, d = np.arange(xy[0].size, dtype=np.int32).reshape(4, -1)
-        triangles: Any = np.hstack([[a, b, c], [a, c, d]])
         meshcat.SetTriangleMesh(
-            f"/Floor/{name}", corners, triangles, palette.rgba(color)
+            path=f"/Floor/{name}",
+            vertices=cast(Any, corners),
+            faces=cast(Any, np.hstack([[a, b, c], [a, c, d]])),
+            rgba=palette.rgba(color),
         )
 
 
@@ -242,7 +245,7 @@ class Drawing:
 
 
 def add_marker(
-    meshcat: Meshcat, path: str, shape: Shape, color: str
+    meshcat: Meshcat, path: str, shape: Shape, color: str, opacity: float = 0.99
 ) -> Drawing:
     """Adds a small object that is seen through the robot.
 
@@ -251,12 +254,13 @@ def add_marker(
         path: path of the object.
         shape: shape of the object.
         color: colour, written #rrggbb.
+        opacity: < 1.
 
     Returns:
         The object, hidden.
     """
     # Transparent objects are painted after all opaque ones.
-    meshcat.SetObject(path, shape, palette.rgba(color, 0.99))
+    meshcat.SetObject(path, shape, palette.rgba(color, opacity))
     meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
     meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
     return Drawing(meshcat, path)
@@ -321,9 +325,12 @@ def add_polygon(
     j = np.roll(i, -1)
     fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
     edges = np.hstack([[i, j, j + count], [i, j + count, i + count]])
-    points: Any = np.vstack([corners, _inset(corners)]).T
-    triangles: Any = np.hstack([fan] * filled + [edges] * outlined)
-    meshcat.SetTriangleMesh(path, points, triangles, color)
+    meshcat.SetTriangleMesh(
+        path=path,
+        vertices=cast(Any, np.vstack([corners, _inset(corners)]).T),
+        faces=cast(Any, np.hstack([fan] * filled + [edges] * outlined)),
+        rgba=color,
+    )
     # Objects that are painted later, but lie lower, must stay visible.
     if color.a() < 1.0:
         meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)

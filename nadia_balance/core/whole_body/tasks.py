@@ -172,11 +172,12 @@ class TrunkTask:
 class SwingFootTask:
     """PD laws for the sole's orientation and the ankle's position.
 
-    The ankle is to be where the reference of the sole has it.  So the leg moves
-    the foot, and not a tilt of the sole, whose orientation has little weight
-    until it lands: it is times the command's `flatness`.  The height has a
-    weight of its own: at the end of a long step the torques do not suffice for
-    all, and a foot that is too low lands while it is fast.
+    The ankle is to be where the reference of the sole has it, and as much
+    higher as the lowest corner of a tilted sole is below its centre: a corner
+    that is too low lands early, while the foot is fast.  So the leg moves the
+    foot, and not a tilt of the sole, whose orientation has little weight until
+    it lands: it is times the command's `flatness`.  The height has a weight of
+    its own: at the end of a long step the torques do not suffice for all.
 
     Args:
         params: weights, gains and damping ratio.
@@ -197,7 +198,7 @@ class SwingFootTask:
             (3, 2, 1),
         )
         self._ankles = model.ankles
-        self._half = 0.5 * model.sole_length, 0.5 * model.sole_width
+        self._half_sole = 0.5 * model.sole_length, 0.5 * model.sole_width
         # Of the orientation and of the position.
         self._kp = params.swing_orientation_gain, params.swing_position_gain
         self._kd = (
@@ -225,7 +226,8 @@ class SwingFootTask:
         side = command.contacts.index(False)
         yaw, yawdot, yawddot = command.swing[9:].tolist()
         R_WT, R_WF = tilt(command.normals[side]), terms.rotations[side]
-        turn = R_WT.dot(rotation_error(yaw, R_WT.T.dot(R_WF)))
+        R_TF = R_WT.T.dot(R_WF)
+        turn = R_WT.dot(rotation_error(yaw, R_TF))
         # The reference of the ankle, and the arm to it from the sole's centre.
         ankle = command.swing[:9].reshape(3, 3) + (
             self._turned(side, yaw=yaw, rate=yawdot, acceleration=yawddot).dot(
@@ -235,9 +237,10 @@ class SwingFootTask:
         arm = R_WF.dot(self._ankles[side])
         ankle[0] -= terms.sole_positions[side]
         ankle[0] -= arm
-        # The lowest corner is where the centre of a level sole would be.
-        ankle[0, 2] += self._half[0] * abs(R_WF[2, 0])
-        ankle[0, 2] += self._half[1] * abs(R_WF[2, 1])
+        # The lowest corner is as high as the centre is to be.
+        length, width = self._half_sole
+        depth = length * abs(R_TF[2, 0]) + width * abs(R_TF[2, 1])
+        ankle[0] += depth * R_WT[:, 2]
         (x, y, z), (vx, vy, vz), (ax, ay, az) = ankle.tolist()
         tx, ty, tz = turn.tolist()
         rows, velocity = terms.at_point(side, arm)

@@ -126,9 +126,11 @@ def _limits(
     log: Log, first: int, last: int, shown: list[Step]
 ) -> tuple[Array, Array]:
     """Least and largest x and y (2,) [m] of paths and footholds."""
-    poses = [sole_pose(log, first, side) for side in Side]
-    for step in shown:
-        poses += [step.achieved, step.commanded]
+    poses = [
+        *(sole_pose(log, first, side) for side in Side),
+        *(step.achieved for step in shown),
+        *(step.commanded for step in shown),
+    ]
     rows = slice(first, last + 1)
     points = np.concatenate(
         [

@@ -124,20 +124,19 @@ def _shade(ax: Axes, log: Log, swings: list[PhaseSpan]) -> None:
 
 
 def _key_to_shades(log: Log, swings: list[PhaseSpan]) -> list[Patch]:
-    patches = [
-        Patch(
-            label=f"{side.value} foot swings",
-            color=palette.foot_color(side),
-            alpha=_SWING,
-        )
-        for side in Side
-        if any(span.swing_side is side for span in swings)
+    push = Patch(label="push", color=palette.PUSH, alpha=_PUSH, lw=0)
+    return [
+        *(
+            Patch(
+                label=f"{side.value} foot swings",
+                color=palette.foot_color(side),
+                alpha=_SWING,
+            )
+            for side in Side
+            if any(span.swing_side is side for span in swings)
+        ),
+        *([push] if pushes(log) else []),
     ]
-    if pushes(log):
-        patches.append(
-            Patch(label="push", color=palette.PUSH, alpha=_PUSH, lw=0)
-        )
-    return patches
 
 
 def _label_pushes(ax: Axes, log: Log) -> None:
@@ -430,9 +429,10 @@ def draw_contacts(log: Log, summary: dict[str, Any]) -> Figure:
     )
     spans = phase_spans(log)
     _draw_feet(ax, log, spans)
-    rows = {side.value: y for side, y in _FOOT_Y.items()}
-    if modes:
-        rows["mode"] = _MODE_Y
+    rows = {
+        **{side.value: y for side, y in _FOOT_Y.items()},
+        **({"mode": _MODE_Y} if modes else {}),
+    }
     for span in modes:
         ax.broken_barh(
             [(span.start, span.end - span.start)],

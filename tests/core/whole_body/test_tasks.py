@@ -94,7 +94,9 @@ def ankle_rows(state):
 def test_the_ankle_follows_the_reference_of_the_sole(slope):
     """Oracle: Drake's motion of the ankle; differences of its reference.
 
-    That of an ankle on a sole which keeps its slope [rad], turns and speeds up.
+    That of an ankle on a sole which keeps its slope [rad], turns and speeds up;
+    the measured sole is tilted against it, and its lowest corner is to be on
+    the ground where the centre of the reference would be.
     """
     state = random_state(0, 2.0)
     terms, params = terms_at(state), WholeBodyQpParams()
@@ -115,10 +117,14 @@ def test_the_ankle_follows_the_reference_of_the_sole(slope):
         R @= RotationMatrix.MakeZRotation(turn @ [1.0, t, 0.5 * t * t])
         return p + t * v + 0.5 * t * t * a + R @ p_SA
 
+    normal = RotationMatrix.MakeYRotation(slope).col(2)
+    corners = nadia().sole @ terms.rotations[1][:, :2].T
+    lowest = min(corners @ normal)
+    assert lowest < -0.01
     before, now, after = (reference(t) for t in (-1e-4, 0.0, 1e-4))
     p_WA = ankle.CalcPoseInWorld(context).translation()
     acceleration = (after - 2.0 * now + before) / 1e-8
-    acceleration += 300.0 * (now - p_WA)
+    acceleration += 300.0 * (now - lowest * normal - p_WA)
     slower = (after - before) / 2e-4 - rows[:, :-1] @ terms.v
     acceleration += 2.0 * math.sqrt(300.0) * slower
     assert foot.acceleration[3:] == pytest.approx(acceleration, rel=1e-5)

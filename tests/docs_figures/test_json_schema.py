@@ -4,8 +4,8 @@ import jsonschema
 import pytest
 import yaml
 
+from json_schema import json_schema, named_schema
 from nadia_balance.diagrams.scenario import SCENARIO_FOLDER, Scenario
-from nadia_balance.parameters.json_schema import json_schema, named_schema
 from nadia_balance.robot.params import MODELS, RobotParams
 
 ROBOT = jsonschema.Draft202012Validator(json_schema(RobotParams))
