@@ -494,9 +494,9 @@ class HumanoidDiagram(ClosedLoop):
         forces = logs["step_forces"][1:]
         forces = forces.reshape(len(forces), -1, 2)[:, ::-1].reshape(-1, 2)
         states = record.data().T[first : first + len(forces)]
-        found = self._touchdowns.touchdowns(states, forces[: len(states)])
-        found[:, 0] += logs["t"][0]
-        return found
+        rows = self._touchdowns.touchdowns(states, forces[: len(states)])
+        rows[:, 0] += logs["t"][0]
+        return rows
 
     def forget_logs(self, context: Context) -> None:
         """Clears the logs, which otherwise grow without bound.

@@ -47,13 +47,19 @@ def hard_landing(log: Log, limits: LandingLimits | None) -> str:
     for row in range(len(log["touchdowns"])):
         touchdown = signal_view(log, "touchdowns", row)
         side = Side.LEFT if touchdown.side > 0.0 else Side.RIGHT
-        what = ""
-        if touchdown.speed_along > limits.speed_along:
-            what = f"at {touchdown.speed_along:.2f} m/s along the ground"
-        elif touchdown.speed_down > limits.speed_down:
-            what = f"at {touchdown.speed_down:.2f} m/s downward"
-        elif touchdown.mean_force > limits.mean_force:
-            what = f"with {touchdown.mean_force:.1f} times its weight"
-        if what:
-            return f"hard landing: {side.value} foot {what}"
+        for text, value, limit in (
+            (
+                "at {:.2f} m/s along the ground",
+                touchdown.speed_along,
+                limits.speed_along,
+            ),
+            ("at {:.2f} m/s downward", touchdown.speed_down, limits.speed_down),
+            (
+                "with {:.1f} times its weight",
+                touchdown.mean_force,
+                limits.mean_force,
+            ),
+        ):
+            if value > limit:
+                return f"hard landing: {side.value} foot {text.format(value)}"
     return ""

@@ -289,14 +289,14 @@ def com_height(log: Log) -> Array:
 
 def _touchdowns(log: Log) -> list[dict[str, float | str]]:
     """Each Touchdown, with how long before the end of its swing it was [s]."""
-    told: list[dict[str, float | str]] = []
+    rows: list[dict[str, float | str]] = []
     for row in range(len(log["touchdowns"])):
         touchdown = signal_view(log, "touchdowns", row)
         values = dict(zip(touchdown.get_fields(), touchdown[:], strict=True))
         values["side"] = "left" if touchdown.side > 0.0 else "right"
         values["early"] = _early(log, touchdown)
-        told.append(values)
-    return told
+        rows.append(values)
+    return rows
 
 
 def _early(log: Log, touchdown: Any) -> float:
