@@ -328,6 +328,7 @@ def test_every_command_is_understood(monkeypatch):
         "command_line",
         "drawing",
         "interrupts",
+        "json_schema",
         "progress",
     }
 
