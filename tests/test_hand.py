@@ -10,7 +10,8 @@ import pytest
 
 from tests import hand
 
-MOST_STATEMENTS = 13_760  # what there is: more has a reason
+# What there is: more has a reason.  Touchdowns took 120.
+MOST_STATEMENTS = 13_880
 DENSEST = 0.52  # statements a line
 SOURCES = hand.sources(*hand.FOLDERS)
 FRONT_DOOR = Path("nadia_balance/__init__.py")

@@ -156,13 +156,13 @@ class WholeBodyQpParams:
         300.0, doc="kp of the swing ankle's position", least=0.0, unit="1/s^2"
     )
     swing_orientation_weight: float = bounded(
-        10.0,
+        40.0,
         doc="weight of the swing sole's orientation",
         least=0.0,
         unit="m^2",
     )
     swing_early_share: float = bounded(
-        0.1,
+        0.3,
         doc="share of swing_orientation_weight until the last part of a swing",
         above=0.0,
         most=1.0,
