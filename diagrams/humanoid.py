@@ -492,7 +492,8 @@ class HumanoidDiagram(ClosedLoop):
         first = int(np.searchsorted(record.sample_times(), logs["t"][0]))
         # The forces in the steps from one tick to the next, in order of time.
         forces = logs["step_forces"][1:]
-        forces = forces.reshape(len(forces), -1, 2)[:, ::-1].reshape(-1, 2)
+        steps = forces.shape[1] // 2
+        forces = forces.reshape(-1, steps, 2)[:, ::-1].reshape(-1, 2)
         states = record.data().T[first : first + len(forces)]
         rows = self._touchdowns.touchdowns(states, forces[: len(states)])
         rows[:, 0] += logs["t"][0]

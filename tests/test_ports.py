@@ -65,7 +65,7 @@ FEEDTHROUGH = {
     ),
     "ContactClock": {"walking_state": ""},  # one tick late
     "ComHeightController": {"momentum_rate": HEIGHT_CONTROL},
-    "FootForceSensor": {"foot_forces": ""},  # held between two ticks
+    "FootForceSensor": {"foot_forces": "", "step_forces": ""},  # held
     "FixedFootsteps": FOOTSTEPS,
     "FootstepPlanner": FOOTSTEPS,
     "FrictionEstimator": {"friction": ""},  # one tick late

@@ -45,7 +45,9 @@ def recorded(left, right, period=0.002, **noise) -> np.ndarray:
     builder.Connect(
         plant.get_contact_results_output_port(), sensor.get_input_port()
     )
-    logger = LogVectorOutput(sensor.get_output_port(), builder, period)
+    logger = LogVectorOutput(
+        sensor.GetOutputPort("foot_forces"), builder, period
+    )
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.6)
     return logger.FindLog(simulator.get_context()).data().T
