@@ -28,15 +28,19 @@ class JointDrives(LeafSystem):
 
     `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
     those of the drives, both in the order of the plant's actuators; `state` is
-    [q, v] of the plant.  The discrete state is `torques`, 0 at the start; it is
-    updated in every step of the plant, so that a command acts one step late.
+    [q, v] of the plant.  The discrete state is `torques`, 0 at the start, and
+    the last command; it is updated in every step of the plant, so that a
+    command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
         robot: robot with the drives.
+        period: time for which a controller holds its torques [s]: the command
+            is read once in it, at its begin; 0: in every step of the plant.
 
     Raises:
-        ValueError: the robot's fidelity is ideal: it has no drives.
+        ValueError: the robot's fidelity is ideal: it has no drives; or the
+            period is not a multiple of the plant's time step.
 
     .. pydrake_system::
 
@@ -45,10 +49,14 @@ class JointDrives(LeafSystem):
         output_ports: [torques]
     """
 
-    def __init__(self, plant: MultibodyPlant, robot: RobotModel) -> None:
+    def __init__(
+        self, plant: MultibodyPlant, robot: RobotModel, period: float = 0.0
+    ) -> None:
         super().__init__()
         if robot.drives is None:
             raise ValueError("fidelity = 'ideal': must be realistic")
+        step = plant.time_step()
+        self._later = whole_ticks("period", period or step, step) - 1.0
         velocities = actuated_velocities(plant)
         self._speeds = plant.num_positions() + velocities
         self._max_torques: Any = plant.GetEffortUpperLimits()
@@ -57,50 +65,44 @@ class JointDrives(LeafSystem):
         # Up to the corner speed the limits are constant.  The margin is large
         # against rounding.
         corner_speeds = self._corner_speed * self._max_speeds
-        self._per_corner_speed = (1.0 + 1e-6) / corner_speeds
-        self._full = (
-            np.negative(self._max_torques).tolist(),
-            self._max_torques.tolist(),
-        )
-        step = plant.time_step()
+        self._per_corner_speed = np.zeros(plant.num_multibody_states())
+        self._per_corner_speed[self._speeds] = (1.0 + 1e-6) / corner_speeds
+        self._full: Any = np.negative(self._max_torques), self._max_torques
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
         self._state = input_port(self, "state", plant.num_multibody_states())
         self.DeclareStateOutputPort(
             "torques", self.DeclareDiscreteState(velocities.size)
         )
+        # The last command, and the number of steps that still follow it.
+        self.DeclareDiscreteState(velocities.size + 1)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
-        # In floats: a step of the plant leaves nothing in the processor's
-        # caches, and each function of numpy's is a wait for memory.
+        # As few calls as can be: a step of the plant leaves nothing in the
+        # processor's caches, and each function is a wait for memory.
         torques: Any = new.get_mutable_value(0)  # still those of the last step
-        commands = self._actuation(context).tolist()
-        lower, upper = self._limits(self._state(context)[self._speeds])
-        following = []
-        for torque, command, low, high in zip(
-            torques.tolist(), commands, lower, upper, strict=True
-        ):
-            torque += self._share * (command - torque)
-            if torque > high:
-                torque = high
-            elif torque < low:
-                torque = low
-            following.append(torque)
-        torques[:] = following
+        held: Any = new.get_mutable_value(1)
+        if held[-1] > 0.0:
+            held[-1] -= 1.0
+        else:
+            held[:-1] = self._actuation(context)
+            held[-1] = self._later
+        lower, upper = self._limits(self._state(context))
+        following = torques + self._share * (held[:-1] - torques)
+        np.maximum(np.minimum(following, upper), lower, out=torques)
 
-    def _limits(self, speeds: Array) -> tuple[list[float], list[float]]:
-        """The least and the largest torques (nu) [N m] at the speeds."""
-        shares = speeds * self._per_corner_speed
+    def _limits(self, state: Array) -> Any:
+        """The least and the largest torques (nu) [N m] in the state."""
+        shares = state * self._per_corner_speed
         if shares.dot(shares) < 1.0:  # then no share is above 1, either
             return self._full
-        lower, upper = torque_limits(
-            speeds,
+        return torque_limits(
+            state[self._speeds],
             max_torque=self._max_torques,
             max_speed=self._max_speeds,
             corner_speed=self._corner_speed,
         )
-        return lower.tolist(), upper.tolist()
 
 
 class FootForceSensor(LeafSystem):
@@ -109,7 +111,8 @@ class FootForceSensor(LeafSystem):
     `foot_forces` are the components along z of W, clipped at 0 in every step,
     without contacts among the robot's own bodies.  After a hard touchdown a
     foot bounces within one step of the plant, so every step is measured.  The
-    discrete state is the output, and the forces in each step, the latest first.
+    output changes once a period, in its last step.  The discrete state is the
+    output, and the forces in each step of the period, the latest first.
 
     Args:
         plant: plant with the robot.
@@ -140,7 +143,7 @@ class FootForceSensor(LeafSystem):
         seed: int = 0,
     ) -> None:
         super().__init__()
-        step = plant.time_step()
+        self._step = step = plant.time_step()
         self._steps = round(period / step) if step > 0.0 else 0
         require(
             self._steps >= 1 and abs(self._steps * step - period) <= 1e-9,
@@ -159,10 +162,13 @@ class FootForceSensor(LeafSystem):
             engine.GetOutputPort("contact_results").Allocate(),
         )
         mean = self.DeclareDiscreteState(2)
-        samples = self.DeclareDiscreteState(2 * self._steps)
+        # The forces in each step, and the steps that follow in the period.
+        samples = self.DeclareDiscreteState(
+            cast(Any, [*np.zeros(2 * self._steps), self._steps - 1.0])
+        )
         # Drake takes numbers faster than its own indices.
         self._mean, self._samples = int(mean), int(samples)
-        self._step, self._seed = step, seed
+        self._seed = seed
         self._noise = None
         if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
             random = np.random.default_rng((seed, 0, 3)).standard_normal(2)
@@ -174,11 +180,16 @@ class FootForceSensor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
     def _measure(self, context: Context, new: DiscreteValues) -> None:
+        samples: Any = new.get_mutable_value(self._samples)
+        later = int(samples[-1])
+        samples[2 * later : 2 * later + 2] = self._forces(
+            self._contacts.Eval(context)
+        )
+        samples[-1] = (later or self._steps) - 1
+        if later > 0:
+            return
         forces: Any = new.get_mutable_value(self._mean)
-        samples: Any = new.get_mutable_value(self._samples)  # the last ones
-        left, right = self._forces(self._contacts.Eval(context))
-        samples[:] = max(left, 0.0), max(right, 0.0), *samples.tolist()[:-2]
-        forces[:] = self._average.dot(samples)
+        forces[:] = self._average.dot(samples[:-1])
         if self._noise is not None:
             seed = self._seed, 1 + round(context.get_time() / self._step), 3
             noise = np.random.default_rng(seed).standard_normal(2)
@@ -186,7 +197,7 @@ class FootForceSensor(LeafSystem):
             forces[:] = np.maximum(forces * (1.0 + noise) + self._bias, 0.0)
 
     def _forces(self, results: Any) -> list[float]:
-        """The vertical forces [N] on left and right foot in this step."""
+        """The forces [N] up on left and right foot in this step."""
         forces = [0.0, 0.0]
         for i in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(i)
@@ -194,7 +205,7 @@ class FootForceSensor(LeafSystem):
             if bodies in self._foot_of:
                 foot, sign = self._foot_of[bodies]
                 forces[foot] += sign * pair.contact_force().item(2)
-        return forces
+        return [max(force, 0.0) for force in forces]
 
 
 def _feet_by_contact(
