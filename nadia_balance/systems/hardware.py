@@ -8,7 +8,6 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiscreteValues,
-    LeafSystem,
     System,
 )
 
@@ -20,10 +19,10 @@ from nadia_balance.core.walking.state import Side, whole_ticks
 from nadia_balance.parameters.bounds import bounded, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import Input, input_port
+from nadia_balance.systems.ports import Block, Input, input_port
 
 
-class JointDrives(LeafSystem):
+class JointDrives(Block):
     """Filters the commanded torques: first-order lag, torque-speed limits.
 
     `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
@@ -105,7 +104,7 @@ class JointDrives(LeafSystem):
         )
 
 
-class FootForceSensor(LeafSystem):
+class FootForceSensor(Block):
     """Computes the mean vertical contact force on each foot over a period.
 
     `foot_forces` are the components along z of W, clipped at 0 in every step,
@@ -284,7 +283,7 @@ class Imperfections:
         )
 
 
-class StateSensor(LeafSystem):
+class StateSensor(Block):
     """Delays the state of the plant and the foot forces, and adds noise.
 
     `state` is [q, v] of the plant, or as estimated; `measured_state` the
