@@ -108,10 +108,12 @@ class HumanoidDiagram(ClosedLoop):
         builder = DiagramBuilder()
         self._add_plant(builder)
         # How long torques are held: those of another's block perhaps not.
-        is_another = (
-            controller is not None or "whole_body_inverse_dynamics" in blocks
+        self._hold = (
+            period
+            if controller is None
+            and "whole_body_inverse_dynamics" not in blocks
+            else 0.0
         )
-        self._hold = 0.0 if is_another else period
         if controller is None:
             controller = BalanceController(
                 scenario.controller,

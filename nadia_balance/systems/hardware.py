@@ -28,8 +28,8 @@ class JointDrives(Block):
     `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
     those of the drives, both in the order of the plant's actuators; `state` is
     [q, v] of the plant.  The discrete state is `torques`, 0 at the start, and
-    the last command; it is updated in every step of the plant, so that a
-    command acts one step late.
+    the last command with the number of steps that it still holds; it is updated
+    in every step of the plant, so that a command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
@@ -63,9 +63,10 @@ class JointDrives(Block):
         self._corner_speed = robot.drives.corner_speed
         # Up to the corner speed the limits are constant.  The margin is large
         # against rounding.
-        corner_speeds = self._corner_speed * self._max_speeds
         self._per_corner_speed = np.zeros(plant.num_multibody_states())
-        self._per_corner_speed[self._speeds] = (1.0 + 1e-6) / corner_speeds
+        self._per_corner_speed[self._speeds] = (1.0 + 1e-6) / (
+            self._corner_speed * self._max_speeds
+        )
         self._full: Any = np.negative(self._max_torques), self._max_torques
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
@@ -73,7 +74,7 @@ class JointDrives(Block):
         self.DeclareStateOutputPort(
             "torques", self.DeclareDiscreteState(velocities.size)
         )
-        # The last command, and the number of steps that still follow it.
+        # The last command, and for how many more steps it holds.
         self.DeclareDiscreteState(velocities.size + 1)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
@@ -111,7 +112,8 @@ class FootForceSensor(Block):
     without contacts among the robot's own bodies.  After a hard touchdown a
     foot bounces within one step of the plant, so every step is measured.  The
     output changes once a period, in its last step.  The discrete state is the
-    output, and the forces in each step of the period, the latest first.
+    output; and the forces in each step of the period, the latest first, with
+    the number of steps that follow in it.
 
     Args:
         plant: plant with the robot.
@@ -162,11 +164,9 @@ class FootForceSensor(Block):
         )
         mean = self.DeclareDiscreteState(2)
         # The forces in each step, and the steps that follow in the period.
-        samples = self.DeclareDiscreteState(
+        self.DeclareDiscreteState(
             cast(Any, [*np.zeros(2 * self._steps), self._steps - 1.0])
         )
-        # Drake takes numbers faster than its own indices.
-        self._mean, self._samples = int(mean), int(samples)
         self._seed = seed
         self._noise = None
         if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
@@ -179,7 +179,7 @@ class FootForceSensor(Block):
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
     def _measure(self, context: Context, new: DiscreteValues) -> None:
-        samples: Any = new.get_mutable_value(self._samples)
+        samples: Any = new.get_mutable_value(1)
         later = int(samples[-1])
         samples[2 * later : 2 * later + 2] = self._forces(
             self._contacts.Eval(context)
@@ -187,12 +187,11 @@ class FootForceSensor(Block):
         samples[-1] = (later or self._steps) - 1
         if later > 0:
             return
-        forces: Any = new.get_mutable_value(self._mean)
+        forces: Any = new.get_mutable_value(0)
         forces[:] = self._average.dot(samples[:-1])
         if self._noise is not None:
             seed = self._seed, 1 + round(context.get_time() / self._step), 3
-            noise = np.random.default_rng(seed).standard_normal(2)
-            noise *= self._noise
+            noise = self._noise * np.random.default_rng(seed).standard_normal(2)
             forces[:] = np.maximum(forces * (1.0 + noise) + self._bias, 0.0)
 
     def _forces(self, results: Any) -> list[float]:
