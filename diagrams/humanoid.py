@@ -110,6 +110,13 @@ class HumanoidDiagram(ClosedLoop):
         )
         builder = DiagramBuilder()
         self._add_plant(builder)
+        # How long torques are held: those of another's block perhaps not.
+        self._hold = (
+            period
+            if controller is None
+            and "whole_body_inverse_dynamics" not in blocks
+            else 0.0
+        )
         if controller is None:
             controller = BalanceController(
                 scenario.controller,
@@ -264,7 +271,7 @@ class HumanoidDiagram(ClosedLoop):
         self._torques = self.controller.GetOutputPort("actuation")
         self._drives = None
         if self.robot.drives is not None:
-            self._drives = JointDrives(self.plant, self.robot)
+            self._drives = JointDrives(self.plant, self.robot, self._hold)
             builder.AddNamedSystem("joint_drives", self._drives)
             connect(builder, self.controller, self._drives, "actuation")
             connect(builder, self.engine, self._drives, "state")
@@ -352,7 +359,7 @@ class HumanoidDiagram(ClosedLoop):
             torques: Any = self._drives.GetInputPort("actuation").Eval(
                 drives_context
             )
-            drives_context.SetDiscreteState(torques)
+            drives_context.SetDiscreteState(0, torques)
 
     def fall_reason(self, context: Context) -> str:
         """Returns the criterion by which the robot has fallen.

@@ -9,14 +9,14 @@ from typing import Any, cast
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
 from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
-from nadia_balance.systems.ports import input_port, optional_input
+from nadia_balance.systems.ports import Block, input_port, optional_input
 
 _METADATA = "dof_names", "kp", "kd"
 _STILL = 0.01  # slower commands are to stand [m/s], [rad/s]
@@ -68,7 +68,7 @@ class PolicyParams:
     )
 
 
-class PolicyController(LeafSystem):
+class PolicyController(Block):
     """Computes joint torques by a policy, an ONNX network from o to a.
 
     It wants joint targets; the torques hold them like springs, clipped at the

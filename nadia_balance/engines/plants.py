@@ -15,7 +15,6 @@ from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
     DiscreteValues,
-    LeafSystem,
     State,
 )
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
@@ -33,6 +32,7 @@ from nadia_balance.core.walking.state import (
 )
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import (
+    Block,
     declare_cache,
     declare_output,
     input_port,
@@ -66,7 +66,7 @@ class PointContacts:
         return self.pairs[i]
 
 
-class MujocoPlant(LeafSystem):
+class MujocoPlant(Block):
     """Simulates a robot and its ground by MuJoCo, with the ports of a plant.
 
     `actuation` (nu,) [N m] and `state`, [q, v], are in the order of the
@@ -198,7 +198,7 @@ def add_mujoco_plant(
     return engine, plant, scene_graph
 
 
-class PointMassPlant(LeafSystem):
+class PointMassPlant(Block):
     """Integrates the linear inverted pendulum under the commanded eCMP.
 
     The swing foot follows its reference exactly, with constant acceleration

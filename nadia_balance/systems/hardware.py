@@ -8,7 +8,6 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiscreteValues,
-    LeafSystem,
     System,
 )
 
@@ -20,23 +19,27 @@ from nadia_balance.core.walking.state import Side, whole_ticks
 from nadia_balance.parameters.bounds import bounded, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import Input, input_port
+from nadia_balance.systems.ports import Block, Input, input_port
 
 
-class JointDrives(LeafSystem):
+class JointDrives(Block):
     """Filters the commanded torques: first-order lag, torque-speed limits.
 
     `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
     those of the drives, both in the order of the plant's actuators; `state` is
-    [q, v] of the plant.  The discrete state is `torques`, 0 at the start; it is
-    updated in every step of the plant, so that a command acts one step late.
+    [q, v] of the plant.  The discrete state is `torques`, 0 at the start, and
+    the last command with the number of steps that it still holds; it is updated
+    in every step of the plant, so that a command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
         robot: robot with the drives.
+        period: time for which a controller holds its torques [s]: the command
+            is read once in it, at its begin; 0: in every step of the plant.
 
     Raises:
-        ValueError: the robot's fidelity is ideal: it has no drives.
+        ValueError: the robot's fidelity is ideal: it has no drives; or the
+            period is not a multiple of the plant's time step.
 
     .. pydrake_system::
 
@@ -45,10 +48,14 @@ class JointDrives(LeafSystem):
         output_ports: [torques]
     """
 
-    def __init__(self, plant: MultibodyPlant, robot: RobotModel) -> None:
+    def __init__(
+        self, plant: MultibodyPlant, robot: RobotModel, period: float = 0.0
+    ) -> None:
         super().__init__()
         if robot.drives is None:
             raise ValueError("fidelity = 'ideal': must be realistic")
+        step = plant.time_step()
+        self._later = whole_ticks("period", period or step, step) - 1.0
         velocities = actuated_velocities(plant)
         self._speeds = plant.num_positions() + velocities
         self._max_torques: Any = plant.GetEffortUpperLimits()
@@ -56,61 +63,57 @@ class JointDrives(LeafSystem):
         self._corner_speed = robot.drives.corner_speed
         # Up to the corner speed the limits are constant.  The margin is large
         # against rounding.
-        corner_speeds = self._corner_speed * self._max_speeds
-        self._per_corner_speed = (1.0 + 1e-6) / corner_speeds
-        self._full = (
-            np.negative(self._max_torques).tolist(),
-            self._max_torques.tolist(),
+        self._per_corner_speed = np.zeros(plant.num_multibody_states())
+        self._per_corner_speed[self._speeds] = (1.0 + 1e-6) / (
+            self._corner_speed * self._max_speeds
         )
-        step = plant.time_step()
+        self._full: Any = np.negative(self._max_torques), self._max_torques
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
         self._state = input_port(self, "state", plant.num_multibody_states())
         self.DeclareStateOutputPort(
             "torques", self.DeclareDiscreteState(velocities.size)
         )
+        # The last command, and for how many more steps it holds.
+        self.DeclareDiscreteState(velocities.size + 1)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
-        # In floats: a step of the plant leaves nothing in the processor's
-        # caches, and each function of numpy's is a wait for memory.
+        # As few calls as can be: a step of the plant leaves nothing in the
+        # processor's caches, and each function is a wait for memory.
         torques: Any = new.get_mutable_value(0)  # still those of the last step
-        commands = self._actuation(context).tolist()
-        lower, upper = self._limits(self._state(context)[self._speeds])
-        following = []
-        for torque, command, low, high in zip(
-            torques.tolist(), commands, lower, upper, strict=True
-        ):
-            torque += self._share * (command - torque)
-            if torque > high:
-                torque = high
-            elif torque < low:
-                torque = low
-            following.append(torque)
-        torques[:] = following
+        held: Any = new.get_mutable_value(1)
+        if held[-1] > 0.0:
+            held[-1] -= 1.0
+        else:
+            held[:-1] = self._actuation(context)
+            held[-1] = self._later
+        lower, upper = self._limits(self._state(context))
+        following = torques + self._share * (held[:-1] - torques)
+        np.maximum(np.minimum(following, upper), lower, out=torques)
 
-    def _limits(self, speeds: Array) -> tuple[list[float], list[float]]:
-        """The least and the largest torques (nu) [N m] at the speeds."""
-        shares = speeds * self._per_corner_speed
+    def _limits(self, state: Array) -> Any:
+        """The least and the largest torques (nu) [N m] in the state."""
+        shares = state * self._per_corner_speed
         if shares.dot(shares) < 1.0:  # then no share is above 1, either
             return self._full
-        lower, upper = torque_limits(
-            speeds,
+        return torque_limits(
+            state[self._speeds],
             max_torque=self._max_torques,
             max_speed=self._max_speeds,
             corner_speed=self._corner_speed,
         )
-        return lower.tolist(), upper.tolist()
 
 
-class FootForceSensor(LeafSystem):
+class FootForceSensor(Block):
     """Computes the mean vertical contact force on each foot over a period.
 
     `foot_forces` are the components along z of W, clipped at 0 in every step,
     without contacts among the robot's own bodies.  After a hard touchdown a
-    foot bounces within one step of the plant, so every step is measured:
+    foot bounces within one step of the plant, so every step is measured.
     `step_forces` are those on (left, right) in the steps of the last period,
-    the latest first, without noise.  The outputs are the discrete state.
+    the latest first, without noise.  The outputs, which count at ticks, are
+    discrete state, behind which is the number of steps left in the period.
 
     Args:
         plant: plant with the robot.
@@ -141,7 +144,7 @@ class FootForceSensor(LeafSystem):
         seed: int = 0,
     ) -> None:
         super().__init__()
-        step = plant.time_step()
+        self._step = step = plant.time_step()
         self._steps = round(period / step) if step > 0.0 else 0
         require(
             self._steps >= 1 and abs(self._steps * step - period) <= 1e-9,
@@ -161,9 +164,8 @@ class FootForceSensor(LeafSystem):
         )
         mean = self.DeclareDiscreteState(2)
         samples = self.DeclareDiscreteState(2 * self._steps)
-        # Drake takes numbers faster than its own indices.
-        self._mean, self._samples = int(mean), int(samples)
-        self._step, self._seed = step, seed
+        self.DeclareDiscreteState(cast(Any, [self._steps - 1.0]))
+        self._seed = seed
         self._noise = None
         if sensors and max(sensors.load_noise, sensors.load_bias) > 0.0:
             random = np.random.default_rng((seed, 0, 3)).standard_normal(2)
@@ -176,19 +178,24 @@ class FootForceSensor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._measure)
 
     def _measure(self, context: Context, new: DiscreteValues) -> None:
-        forces: Any = new.get_mutable_value(self._mean)
-        samples: Any = new.get_mutable_value(self._samples)  # the last ones
-        left, right = self._forces(self._contacts.Eval(context))
-        samples[:] = max(left, 0.0), max(right, 0.0), *samples.tolist()[:-2]
+        samples: Any = new.get_mutable_value(1)
+        left: Any = new.get_mutable_value(2)
+        later = int(left[0])
+        samples[2 * later : 2 * later + 2] = self._forces(
+            self._contacts.Eval(context)
+        )
+        left[0] = (later or self._steps) - 1
+        if later > 0:
+            return
+        forces: Any = new.get_mutable_value(0)
         forces[:] = self._average.dot(samples)
         if self._noise is not None:
             seed = self._seed, 1 + round(context.get_time() / self._step), 3
-            noise = np.random.default_rng(seed).standard_normal(2)
-            noise *= self._noise
+            noise = self._noise * np.random.default_rng(seed).standard_normal(2)
             forces[:] = np.maximum(forces * (1.0 + noise) + self._bias, 0.0)
 
     def _forces(self, results: Any) -> list[float]:
-        """The vertical forces [N] on left and right foot in this step."""
+        """The forces [N] up on left and right foot in this step."""
         forces = [0.0, 0.0]
         for i in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(i)
@@ -196,7 +203,7 @@ class FootForceSensor(LeafSystem):
             if bodies in self._foot_of:
                 foot, sign = self._foot_of[bodies]
                 forces[foot] += sign * pair.contact_force().item(2)
-        return forces
+        return [max(force, 0.0) for force in forces]
 
 
 def _feet_by_contact(
@@ -275,7 +282,7 @@ class Imperfections:
         )
 
 
-class StateSensor(LeafSystem):
+class StateSensor(Block):
     """Delays the state of the plant and the foot forces, and adds noise.
 
     `state` is [q, v] of the plant, or as estimated; `measured_state` the

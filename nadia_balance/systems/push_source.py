@@ -13,7 +13,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, State
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.push import TIME_TOLERANCE, Push
@@ -30,6 +30,7 @@ from nadia_balance.core.walking.state import (
 )
 from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.systems.ports import (
+    Block,
     declare_output,
     input_port,
     optional_input,
@@ -42,7 +43,7 @@ _PENDING = -1.0
 _EXPECTED = -2.0
 
 
-class PushSource(LeafSystem):
+class PushSource(Block):
     """Computes push forces; each push acts once, for duration / period ticks.
 
     A push whose phase ends before the push is due, because the clock was
@@ -302,7 +303,7 @@ class PushSource(LeafSystem):
         return applied
 
 
-class ContactClock(LeafSystem):
+class ContactClock(Block):
     """Computes the phase of any controller's gait from the forces on the feet.
 
     A foot swings while only the other one has more than LOADED of the weight.

@@ -27,11 +27,11 @@ ON_GROUND_RIGHT = [0.0, -0.3, HALF + KNOB]
 ON_RIGHT_FOOT = [0.0, -0.3, 3 * HALF + 2 * KNOB]
 
 
-def recorded(left, right, period=0.002, **noise) -> np.ndarray:
+def recorded(left, right, period=0.002, every=0.0, **noise) -> np.ndarray:
     """Lets two boxes settle where they are put, and reads the sensor.
 
-    Once a `period`, from 0 to 0.6 s (n, 2).  A box on a plane touches it in
-    one point and rocks: each has four knobs.
+    Once a `period`, or `every` so many seconds, from 0 to 0.6 s (n, 2).  A box
+    on a plane touches it in one point and rocks: each has four knobs.
     """
     builder = DiagramBuilder()
     plant = ground(builder)
@@ -46,7 +46,7 @@ def recorded(left, right, period=0.002, **noise) -> np.ndarray:
         plant.get_contact_results_output_port(), sensor.get_input_port()
     )
     logger = LogVectorOutput(
-        sensor.GetOutputPort("foot_forces"), builder, period
+        sensor.GetOutputPort("foot_forces"), builder, every or period
     )
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.6)
@@ -72,6 +72,16 @@ def test_no_impact_is_missed(period):
     impulse = period * np.sum(forces, axis=0)
     expected = 0.6 * np.array([WEIGHT_LEFT, WEIGHT_RIGHT])
     assert impulse == pytest.approx(expected, rel=0.01)
+
+
+def test_the_output_changes_once_a_period():
+    """Oracle: the means of what a sensor tells that has a step as period."""
+    high = [0.0, 0.3, HALF + KNOB + 0.05]
+    steps = recorded(high, ON_GROUND_RIGHT, period=0.001)[1:]
+    held = recorded(high, ON_GROUND_RIGHT, period=0.004, every=0.001)[4:]
+    means = steps.reshape(-1, 4, 2).mean(axis=1)
+    expected = np.repeat(means, 4, axis=0)[: len(held)]
+    assert held == pytest.approx(expected)
 
 
 def test_noise_is_a_share_of_the_load_and_the_offset_stays():

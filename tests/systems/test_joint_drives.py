@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.systems.hardware import JointDrives
-from tests.blocks import answer, running
+from tests.blocks import answer, fix, running
 from tests.whole_body_examples import nadia, standing_state
 
 PLANT, _ = nadia().add_plant_to(DiagramBuilder())
@@ -35,3 +35,30 @@ def test_what_drives_a_joint_fades_with_its_speed(speed, share, sign):
     assert reached == pytest.approx(sign * drives)
     reached = torques(-2.0 * sign * LIMITS, state)
     assert reached == pytest.approx(-sign * LIMITS)
+
+
+def test_a_command_that_is_held_is_read_once_in_a_period():
+    """Oracle: drives that read all steps, whose command changes in ticks."""
+    step, states = PLANT.time_step(), standing_state()
+    runs = []
+    for period in (0.0, 4.0 * step):
+        system = JointDrives(PLANT, nadia(), period)
+        simulator, context = running(
+            system, actuation=0.5 * LIMITS, state=states
+        )
+        reached = []
+        for i in range(12):
+            # Between ticks nonsense, for those that do not read it.
+            share = (1.0 if i % 4 == 0 or not period else np.nan) * (1 + i // 4)
+            fix(system, context, actuation=0.2 * share * LIMITS)
+            simulator.AdvanceTo((i + 1) * step)
+            reached.append(answer(system, context, "torques").copy())
+        runs.append(reached)
+    assert np.array_equal(*runs)
+    assert np.all(np.diff(np.abs(runs[0]), axis=0) > 0.0)
+
+
+def test_refuses_a_period_that_the_plant_does_not_keep():
+    """Oracle: the message names both."""
+    with pytest.raises(ValueError, match=r"^period = 0.0015: .* 0.001 s"):
+        JointDrives(PLANT, nadia(), 0.0015)
