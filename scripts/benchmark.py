@@ -35,8 +35,8 @@ LONGEST = 3600  # [s]
 START = 1.0  # start of the measurement, while the robot steps [s]
 ROUNDS = 10  # of plant and loop
 REPLAYS = 3  # of the push
-# The push is the scenario's, times this: 0.8 m/s on Nadia, to the left.
-HARDER = 0.8 / 0.45
+# The push is the scenario's, times this: 0.7 m/s on Nadia, to the left.
+HARDER = 0.7 / 0.45
 AFTER = 2.0  # time from its begin [s]
 
 
