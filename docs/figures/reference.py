@@ -78,6 +78,13 @@ SUMMARY = {
     "steps_after_push": ("", "landings since the last push began"),
     "calm_steps": ("", "whole steps at the end with an ICP error below 5 cm"),
     "stance_slip_m": ("m", "largest way of a stance foot over the ground"),
+    "touchdowns": (
+        "",
+        "of each foot that meets the ground: its side, speed along the ground "
+        "and down of the lowest corner [m/s], tilt [rad], time before the end "
+        "of the swing [s], force in a step of the plant and over 10 ms [body "
+        "weights], slide in 0.1 s [m]",
+    ),
     "max_torque_ratio": (
         "1",
         "largest torque over its limit; the QP holds the limit, so that 1 is "
