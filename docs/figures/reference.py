@@ -149,6 +149,11 @@ ARRAYS = {
         "(n, 4) 0 or 1",
         ", ".join(f.name for f in dataclasses.fields(Mechanisms)),
     ),
+    "step_forces": (
+        "(n, 2 m) N",
+        "upward on left and right foot in each of the m steps of the plant "
+        "since the last tick, the latest first",
+    ),
     "imu": (
         "(n, 9) rad/s, m/s^2, rad/s",
         "mean angular velocity and specific force, latest angular velocity",
