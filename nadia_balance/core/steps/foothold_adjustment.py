@@ -500,6 +500,7 @@ def in_time(
                 geometry.foot_at(point, target.nominal.pose),
                 place.reach,
                 ground=place.ground,
+                prolonged=target.prolonged,
             )
             share += part
     return result

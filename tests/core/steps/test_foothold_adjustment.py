@@ -539,6 +539,20 @@ def test_a_foothold_in_time_is_taken_as_it_is_and_one_too_late_not_at_all():
     assert in_time(LAST, WANTED, late_landing(None), 0.0) is WANTED
 
 
+def test_granted_time_is_kept_where_the_foothold_is_not_quite_in_reach():
+    """Oracle: by hand; the foothold is between the last one and the wanted."""
+    case = late_landing(FOOT)
+    last, wanted = (replace(one, prolonged=0.2) for one in (LAST, WANTED))
+    places = []
+    for time in np.linspace(0.02, 0.5, 13):
+        nearest = in_time(last, wanted, case, time)
+        assert nearest.prolonged == 0.2
+        places.append(nearest.pose.p_WF[:2])
+    ends = [one.pose.p_WF[:2] for one in (LAST, WANTED)]
+    away = [min(math.dist(place, end) for end in ends) for place in places]
+    assert max(away) > 0.02
+
+
 def test_the_time_that_the_clock_has_gained_counts():
     """Oracle: 0.15 s of the clock; 0.05 s, and 0.1 s that it can give back."""
     for left, gained in ((0.15, 0.0), (0.05, 0.1)):
