@@ -19,7 +19,7 @@ from pydrake.systems.framework import (
     OutputPort,
     System,
 )
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLog
 
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.arrays import Array
@@ -285,13 +285,7 @@ class ClosedLoop(Diagram):
         Returns:
             The arrays of a log, by name.
         """
-        log = self._log.FindLog(context)
-        t: Array = np.array(log.sample_times())
-        data: Array = np.asarray(log.data()).T
-        # A simulation from a cloned Context logs its first row a second time.
-        last = np.diff(t, append=np.inf) > 0.0
-        if not np.all(last):
-            t, data = t[last], data[last]
+        t, data = sampled(self._log.FindLog(context))
         ends = np.cumsum(list(self._sizes.values()))[:-1]
         # Regions of all footholds: legs may be let cross during a run.
         regions = step_regions(self.robot.point_mass.reach, cross_over=True)
@@ -318,6 +312,23 @@ class ClosedLoop(Diagram):
             context: that of this diagram, which is changed.
         """
         self._log.FindMutableLog(context).Clear()
+
+
+def sampled(log: VectorLog) -> tuple[Array, Array]:
+    """Returns what Drake has logged, each time once.
+
+    A simulation from a cloned Context logs its first row a second time.
+
+    Args:
+        log: of a vector of m entries.
+
+    Returns:
+        Times (n,) [s], and values (n, m).
+    """
+    t: Array = np.array(log.sample_times())
+    data: Array = np.asarray(log.data()).T
+    is_last = np.diff(t, append=np.inf) > 0.0
+    return (t, data) if np.all(is_last) else (t[is_last], data[is_last])
 
 
 class MeasuredPoses:

@@ -20,7 +20,12 @@ from nadia_balance.balance_controller import BalanceController
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams.closed_loop import ClosedLoop, Logs, MeasuredPoses
+from nadia_balance.diagrams.closed_loop import (
+    ClosedLoop,
+    Logs,
+    MeasuredPoses,
+    sampled,
+)
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.diagrams.touchdowns import TouchdownRecord
@@ -495,16 +500,14 @@ class HumanoidDiagram(ClosedLoop):
 
     def _find_touchdowns(self, context: Context, logs: Logs) -> Array:
         """The touchdowns (k, 8) of the run, one in each row."""
-        record = self._states.FindLog(context)
-        first = int(np.searchsorted(record.sample_times(), logs["t"][0]))
+        times, states = sampled(self._states.FindLog(context))
         # The forces in the steps from one tick to the next, in order of time.
         forces = logs["step_forces"][1:]
         steps = forces.shape[1] // 2
         forces = forces.reshape(-1, steps, 2)[:, ::-1].reshape(-1, 2)
-        states = record.data().T[first : first + len(forces)]
-        rows = self._touchdowns.touchdowns(states, forces[: len(states)])
-        rows[:, 0] += logs["t"][0]
-        return rows
+        return self._touchdowns.touchdowns(
+            times[: len(forces)], states[: len(forces)], forces
+        )
 
     def forget_logs(self, context: Context) -> None:
         """Clears the logs, which otherwise grow without bound.

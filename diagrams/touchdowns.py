@@ -9,8 +9,7 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side
 from nadia_balance.robot.model import RobotModel
-from nadia_balance.systems.signals import Touchdown as Signal
-from nadia_balance.systems.signals import size
+from nadia_balance.systems.signals import Touchdown, size
 
 CONTACT = 0.01  # least force of a foot in contact, per weight [-]
 AIR = 0.06  # least time in the air before a touchdown: less is a bounce [s]
@@ -42,23 +41,25 @@ class TouchdownRecord:
             for side in Side
         ]
 
-    def touchdowns(self, states: Array, forces: Array) -> Array:
+    def touchdowns(self, times: Array, states: Array, forces: Array) -> Array:
         """All touchdowns, in order of time.
 
         Args:
-            states: [q, v] at each step (m, nq + nv).
-            forces: vertical forces of the (left, right) foot in the step that
-                begins then (m, 2) [N].
+            times: of the plant's steps (m,) [s].
+            states: [q, v] at these times (m, nq + nv).
+            forces: upward forces on the (left, right) foot in the steps that
+                begin then (m, 2) [N].
 
         Returns:
-            A Signal in each row (k, 8), its times since the first state.
+            The entries of a Touchdown in each row (k, 8).
         """
+        shares = forces / self._weight
         rows = [
-            self._measure(side, k, states, forces[:, i] / self._weight)
+            (times[k], *self._measure(side, k, states, shares[:, i]))
             for i, side in enumerate(Side)
-            for k in self._begins(forces[:, i] / self._weight)
+            for k in self._begins(shares[:, i])
         ]
-        return np.array(sorted(rows)).reshape(-1, size(Signal))
+        return np.array(sorted(rows)).reshape(-1, size(Touchdown))
 
     def _begins(self, force: Array) -> list[int]:
         """The steps in which a foot meets the ground."""
@@ -73,7 +74,10 @@ class TouchdownRecord:
     def _measure(
         self, side: Side, k: int, states: Array, force: Array
     ) -> tuple[float, ...]:
-        """The Signal of a touchdown in step `k`, from the state before it."""
+        """The entries of a Touchdown in step `k` behind its time.
+
+        The motion is that of the state before it.
+        """
         p_WC, v_WC, z_WF = self._corners(side, states[max(k - 1, 0)])
         lowest = int(np.argmin(p_WC[:, 2]))
         vx, vy, vz = v_WC[lowest].tolist()
@@ -85,7 +89,6 @@ class TouchdownRecord:
             self._corners(side, states[i])[0].mean(axis=0) for i in (k, last)
         ]
         return (
-            k * self._step,
             side.sign,
             math.hypot(vx, vy),
             -vz,

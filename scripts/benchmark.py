@@ -227,7 +227,7 @@ def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
         figures: as `measure` returns them.
     """
     packages = versions()
-    # Of the commit, 7 digits, and a + if files have been changed.
+    # Seven digits of the commit, and a + if files have been changed.
     commit, changed, _ = packages.get("commit", "unknown").partition("+")
     row = {
         "commit": f"{commit[:7]}{changed}",

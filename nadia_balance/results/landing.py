@@ -9,8 +9,8 @@ from nadia_balance.results.log import Log, signal_view
 class LandingLimits:
     """Largest values of a foot that meets the ground, in a recovery.
 
-    No source: what a foot with force sensors and an ankle with gears bears is
-    on no data sheet; these are what a hard step of a person brings.
+    They are ours: what an ankle's gears and a foot's force sensors bear is on
+    no data sheet.
     """
 
     speed_along: float = bounded(

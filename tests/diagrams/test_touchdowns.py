@@ -1,15 +1,18 @@
-"""Oracles: a foot moved by hand; a ball that falls."""
+"""Oracles: a foot moved by hand; the same run without a pause."""
 
 import math
 
 import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
+from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.diagrams.simulation import start
 from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.signals import Touchdown
+from tests.diagrams.simulated import diagram_of
 
 STEP = 0.001
 
@@ -30,6 +33,12 @@ def states(velocity, tilt, turn_rate, steps):
     return robot, np.array(rows)
 
 
+def touchdowns(robot, record, forces):
+    """The rows of the touchdowns of a record that begins at 0."""
+    times = STEP * np.arange(len(record))
+    return TouchdownRecord(robot, STEP).touchdowns(times, record, forces)
+
+
 def test_the_lowest_corner_is_measured_one_step_before_it_meets_the_ground():
     """Oracle: a rigid body's kinematics, by hand.
 
@@ -41,7 +50,7 @@ def test_the_lowest_corner_is_measured_one_step_before_it_meets_the_ground():
     forces = np.zeros((400, 2))
     forces[200:, 1] = robot.mass * GRAVITY
     forces[205, 1] *= 4.0
-    (row,) = TouchdownRecord(robot, STEP).touchdowns(record, forces)
+    (row,) = touchdowns(robot, record, forces)
     found = Touchdown(row)
     assert (found.time, found.side) == (pytest.approx(0.2), -1.0)
     angle = tilt + 0.199 * rate
@@ -70,11 +79,11 @@ def test_a_bounce_is_no_touchdown_and_both_feet_have_theirs():
     forces[100:159, 0] = 0.0
     forces[300:360, 0] = 0.0
     forces[400:500, 1] = 0.0
-    rows = TouchdownRecord(robot, STEP).touchdowns(record, forces)
+    rows = touchdowns(robot, record, forces)
     found = Touchdown(rows.T)
     assert found.time == pytest.approx([0.36, 0.5])
     assert found.side.tolist() == [1.0, -1.0]
-    none = TouchdownRecord(robot, STEP).touchdowns(record, np.zeros((600, 2)))
+    none = touchdowns(robot, record, np.zeros((600, 2)))
     assert none.shape == (0, 8)
 
 
@@ -83,5 +92,21 @@ def test_the_slide_is_what_the_sole_moves_in_a_tenth_of_a_second():
     robot, record = states((0.3, 0.4, 0.0), 0.0, 0.0, 400)
     forces = np.zeros((400, 2))
     forces[100:, 0] = 200.0
-    (row,) = TouchdownRecord(robot, STEP).touchdowns(record, forces)
+    (row,) = touchdowns(robot, record, forces)
     assert Touchdown(row).slide == pytest.approx(0.05)
+
+
+def test_a_run_that_goes_on_from_a_copy_has_the_same_touchdowns():
+    """Oracle: the run in one go; Drake logs the row of the copy twice."""
+    diagram = diagram_of("{gait: {num_steps: 2, standing_duration: 0.1}}")
+    simulator = start(diagram)
+    simulator.AdvanceTo(0.5)
+    copy = Simulator(diagram, simulator.get_context().Clone())
+    simulator.AdvanceTo(2.2)
+    copy.AdvanceTo(2.2)
+    whole, in_two = (
+        diagram.read_logs(one.get_context())["touchdowns"]
+        for one in (simulator, copy)
+    )
+    assert len(whole) > 0
+    assert np.array_equal(whole, in_two)

@@ -9,8 +9,11 @@ import math
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.math.polygon import closest_point as closest_point
-from nadia_balance.core.math.polygon import convex_hull, intersection
+from nadia_balance.core.math.polygon import (
+    closest_point,
+    convex_hull,
+    intersection,
+)
 from nadia_balance.core.walking.state import FootPose, Side
 from nadia_balance.parameters.bounds import bounded, parameters
 

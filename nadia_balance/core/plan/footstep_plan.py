@@ -16,12 +16,12 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.reachability import (
     BASE,
     base_region,
-    closest_point,
     distance_between,
     in_world,
 )
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import (
+    closest_point,
     contains,
     convex_hull,
     intersection,

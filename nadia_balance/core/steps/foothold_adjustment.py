@@ -14,11 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nadia_balance.core.body.reachability import (
-    BASE,
-    closest_point,
-    distance_between,
-)
+from nadia_balance.core.body.reachability import BASE, distance_between
 from nadia_balance.core.body.swing_detour import UNDER_WAY
 from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array
@@ -156,7 +152,9 @@ class Landing(Immutable):
         """
         if self.foot is None:
             return self.capture_region
-        soonest = self.time_to(closest_point(region, self.capture_region)[0])
+        soonest = self.time_to(
+            polygon.closest_point(region, self.capture_region)[0]
+        )
         if under_way:
             soonest *= UNDER_WAY
         return capture_region(
@@ -439,7 +437,7 @@ def _closest(
 
     options = [goal.place for goal in places if goal.place.reach in reaches]
     place = min(options, key=distance)
-    nearest, _ = closest_point(place.polygon, landing.capture_region)
+    nearest, _ = polygon.closest_point(place.polygon, landing.capture_region)
     return Goal(place, nearest[None])
 
 

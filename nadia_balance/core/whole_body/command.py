@@ -135,7 +135,7 @@ class WholeBodyTerms(NamedTuple):
         w = velocities[:3]
         x, y, z = arm.tolist()
         across = np.array((0.0, z, -y, -z, 0.0, x, y, -x, 0.0)).reshape(3, 3)
-        # Of small arrays, dot() takes half of the time of @.
+        # dot() of small arrays takes half of the time of @.
         velocities[3:] += across.dot(w)  # w x arm
         rows[3:] += across.dot(rows[:3])
         wx, wy, wz = w.tolist()

@@ -199,7 +199,7 @@ class SwingFootTask:
         )
         self._ankles = model.ankles
         self._half_sole = 0.5 * model.sole_length, 0.5 * model.sole_width
-        # Of the orientation and of the position.
+        # Gains of the orientation and of the position.
         self._kp = params.swing_orientation_gain, params.swing_position_gain
         self._kd = (
             2.0 * params.damping_ratio * math.sqrt(self._kp[0]),

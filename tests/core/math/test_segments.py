@@ -126,7 +126,7 @@ def test_the_gap_is_that_of_surfaces_and_the_near_ones_count():
     assert 10 < len(gaps) < NUM_PAIRS
     assert gaps[:, 0] == pytest.approx(distance[near] - 0.2, abs=1e-15)
     normal = (apart / distance)[:, near].T
-    # Of a gap of a few mm: the rounding of the points, in its direction.
+    # The rounding of the points, in the direction of a gap of a few mm.
     assert gaps[:, 1:4] == pytest.approx(normal, abs=1e-12)
 
 
