@@ -14,13 +14,22 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import Phase, Side, WalkingState
-from nadia_balance.diagrams import simulation, verdict
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import start, until_ctrl_c
+from nadia_balance.diagrams.verdict import gait_and_error, push_signal
 from nadia_balance.parameters.yaml_reader import one_line
-from nadia_balance.results import live_watches, story
+from nadia_balance.results.live_watches import (
+    FallWatch,
+    VelocityWatch,
+    velocity_lines,
+)
+from nadia_balance.results.story import LiveStory, moment_words
 from nadia_balance.systems.signals import ComState, WalkingSignal, read
-from nadia_balance.view import aims, balance_visualizer, live_controls, scene
+from nadia_balance.view.aims import Aims
+from nadia_balance.view.balance_visualizer import FOOTPRINTS
+from nadia_balance.view.live_controls import LiveControls
+from nadia_balance.view.scene import CONTROLS, move_floor
 
 PAUSE, RESET, STOP, SPEED = "Pause", "Reset", "Stop", "speed"
 LOOK = 0.02  # period of the checks of buttons, falls and steps [s]
@@ -74,15 +83,14 @@ class LiveSession:
         """
         self._diagram, self._meshcat, self._tell = diagram, meshcat, tell
         self._controls = cast(
-            live_controls.LiveControls,
-            diagram.GetSubsystemByName(scene.CONTROLS),
+            LiveControls, diagram.GetSubsystemByName(CONTROLS)
         )
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
         meshcat.AddSlider(SPEED, 0.05, 10.0, 0.05, speed)
-        self._aims, self._drawn = aims.Aims(meshcat), -math.inf
-        self._start = simulation.start(diagram).get_context().Clone()
+        self._aims, self._drawn = Aims(meshcat), -math.inf
+        self._start = start(diagram).get_context().Clone()
         self.paused = self.stopped = False
         self._begin(None)
 
@@ -95,7 +103,7 @@ class LiveSession:
         Returns:
             True after Ctrl-C.
         """
-        with simulation.until_ctrl_c() as pressed:
+        with until_ctrl_c() as pressed:
             while not (pressed() or self.stopped):
                 self.tick()
                 show(self.status())
@@ -117,17 +125,20 @@ class LiveSession:
         """
         mode, moment = self._mode, self._moment
         during = f" ({moment})" if moment != mode else ""
-        push, result = self._story.last_push, self._story.result
+        lines = [
+            f"t = {self.context.get_time():.2f} s, {mode}{during}",
+            *velocity_lines(self._commanded, self._walked),
+            f"ICP error {self._error:.3f} m",
+        ]
+        if self._story.last_push:
+            lines.append(f"last {self._story.last_push}")
+        if self._story.result:
+            lines.append(self._story.result)
+        if self.paused:
+            return [*lines, "PAUSED"]
         ticks, walls = max(len(self._walls) - 1, 0), self._walls
         factor = LOOK * ticks / (walls[-1] - walls[0]) if ticks else 0.0
-        return [
-            f"t = {self.context.get_time():.2f} s, {mode}{during}",
-            *live_watches.velocity_lines(self._commanded, self._walked),
-            f"ICP error {self._error:.3f} m",
-            *([f"last {push}"] if push else []),
-            *([result] if result else []),
-            "PAUSED" if self.paused else f"real-time factor {factor:.2f}",
-        ]
+        return [*lines, f"real-time factor {factor:.2f}"]
 
     def tick(self) -> None:
         """Handles the buttons, then simulates for LOOK [s] or waits."""
@@ -158,12 +169,12 @@ class LiveSession:
             )
         self._simulator.Initialize()
         scenario = self._diagram.scenario
-        self._story = story.LiveStory(scenario.calm_steps or CALM_STEPS)
+        self._story = LiveStory(scenario.calm_steps or CALM_STEPS)
         params = scenario.controller.footstep_planner
-        self._velocity = live_watches.VelocityWatch(
+        self._velocity = VelocityWatch(
             window=2.0 * (params.swing_duration + params.transfer_duration)
         )
-        self._fall = live_watches.FallWatch()
+        self._fall = FallWatch()
         self._looks, self._steps = 0, 0
         self._fell: float | None = None
         self._walls: deque[float] = deque(maxlen=50)
@@ -188,16 +199,16 @@ class LiveSession:
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
         state = read(diagram.signals["walking_state"], context)
-        _, self._error = verdict.gait_and_error(diagram, context)
+        _, self._error = gait_and_error(diagram, context)
         walking = WalkingSignal(
             read(diagram.signals["walking_signal"], context)
         )
-        self._mode, self._moment = state.mode.value, story.moment_words(walking)
+        self._mode, self._moment = state.mode.value, moment_words(walking)
         self._measure(state)
         for line in self._story.look(
             context.get_time(),
             walking,
-            verdict.push_signal(diagram, context),
+            push_signal(diagram, context),
             self._error,
         ):
             self._tell_now(line)
@@ -217,14 +228,12 @@ class LiveSession:
         self._walked = self._velocity.look(
             now, com[:2], middle(state.schedule.feet).yaw
         )
+        regions = None
         port = diagram.signals.get("capture_regions")
-        is_swing = state.schedule.phase is Phase.SWING
-        self._fall.look(
-            now,
-            read(port, context) if port is not None and is_swing else None,
-            self._error,
-            *diagram.fastest_joint(context),
-        )
+        if port is not None and state.schedule.phase is Phase.SWING:
+            regions = read(port, context)
+        joint, speed_ratio = diagram.fastest_joint(context)
+        self._fall.look(now, regions, self._error, joint, speed_ratio)
 
     def _draw_aims(self) -> None:
         """Draws the push that a click would make, and the command."""
@@ -235,32 +244,24 @@ class LiveSession:
         schedule = read(diagram.signals["walking_state"], context).schedule
         com = ComState(read(diagram.signals["com_state"], context)).position
         delta_v, direction_deg, _ = self._controls.aimed_push()
-        self._aims.draw_push(
-            com,
-            yaw=schedule.feet[schedule.support_side].yaw
-            + math.radians(direction_deg),
-            delta_v=delta_v,
-        )
+        yaw = schedule.feet[schedule.support_side].yaw
+        self._aims.draw_push(com, yaw + math.radians(direction_deg), delta_v)
         self._aims.draw_command(self._controls.command(), com, schedule.feet)
 
     def _go_along(self, state: WalkingState) -> None:
         """Moves the floor along, and deletes old prints."""
         schedule = state.schedule
-        scene.move_floor(
-            self._meshcat, schedule.feet[schedule.support_side].p_WF
-        )
+        move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
         for side in Side:
             self._meshcat.Delete(
-                f"{balance_visualizer.FOOTPRINTS}/"
-                f"{side.value}_{self._steps - PRINTS}"
+                f"{FOOTPRINTS}/{side.value}_{self._steps - PRINTS}"
             )
 
     def _keep_pace(self) -> None:
         """Waits until the next tick is due; lost time is not made up for."""
         now = time.monotonic()
-        due = (self._walls[-1] if self._walls else now) + (
-            LOOK / self._meshcat.GetSliderValue(SPEED)
-        )
+        last = self._walls[-1] if self._walls else now
+        due = last + LOOK / self._meshcat.GetSliderValue(SPEED)
         time.sleep(max(due - now, 0.0))
         self._walls.append(max(due, now))
 

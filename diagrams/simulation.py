@@ -56,11 +56,9 @@ def closed_loop(
     """
     if policy:
         return _walked_by(policy, scenario, meshcat)
-    return (
-        LipmDiagram(scenario, meshcat)
-        if plant == "lipm"
-        else HumanoidDiagram(scenario, meshcat)
-    )
+    if plant == "lipm":
+        return LipmDiagram(scenario, meshcat)
+    return HumanoidDiagram(scenario, meshcat)
 
 
 def _walked_by(

@@ -3,7 +3,7 @@
 The closed loop and the plant alone run in turns, and all use the processor time
 of this thread, so that their ratio does not depend on the machine or its load.
 Ticks are those of a push: recorded, and replayed through fresh controllers, to
-the last bit; of each tick the shortest of ROUNDS times counts.
+the last bit; of each tick the shortest of REPLAYS times counts.
 """
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)

@@ -20,7 +20,8 @@ from nadia_balance.results.estimation import lost_at, measure_estimate
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import Log
 from nadia_balance.results.npz import read_npz
-from nadia_balance.results.plots import style, time_series
+from nadia_balance.results.plots.style import RC
+from nadia_balance.results.plots.time_series import draw_estimate
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
@@ -96,13 +97,10 @@ def _parser() -> command_line.CommandLine:
 
 def _write(folder: Path, log: Log, run: dict[str, Any]) -> None:
     """Writes FILES; the title of the plot tells of the `run`."""
-    with appearing(folder) as drafts, mpl.rc_context(cast(Any, style.RC)):
+    with appearing(folder) as drafts, mpl.rc_context(cast(Any, RC)):
         np.savez(drafts / FILES[0], **cast(Any, log))
         cast(
-            Any,
-            time_series.draw_estimate(
-                log, run | {"pushes": [], "fell_at": None}
-            ),
+            Any, draw_estimate(log, run | {"pushes": [], "fell_at": None})
         ).savefig(drafts / FILES[1])
 
 
@@ -123,16 +121,19 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
     names = robot.control_plant().GetPositionNames(False, False)[7:]
     try:
         require(path.stat().st_size > 0, "it is empty")
-        require(path.suffix in (".csv", ".npz"), "by its name it is neither")
-        log = (
-            _read_csv(path, names) if path.suffix == ".csv" else _read_npz(path)
-        )
-        return _checked(log, len(names))
+        if path.suffix == ".csv":
+            log = _read_csv(path, names)
+        elif path.suffix == ".npz":
+            log = _read_npz(path)
+        else:
+            raise ValueError("by its name it is neither")
+        log = _checked(log, len(names))
     except command_line.BROKEN as error:
         raise ValueError(
             f"log = {path}: must be a CSV or npz as in docs/sensors.md "
             f"({error})"
         ) from None
+    return log
 
 
 def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
@@ -183,9 +184,8 @@ def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
             f"{name} must be ({len(t)}, {size})",
         )
     log = bridged(t, log)
-    require(
-        log["imu"][0, 5] >= 0.0, "force_z must be 9.81 m/s^2 while it stands"
-    )
+    if log["imu"][0, 5] < 0.0:
+        raise ValueError("force_z must be 9.81 m/s^2 while it stands")
     return log
 
 

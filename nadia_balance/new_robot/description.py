@@ -12,7 +12,6 @@ from trimesh import Trimesh, bounds, creation
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
-from nadia_balance.parameters.bounds import require
 
 Vector = Any  # array (3,): Drake's stubs name no type of numpy's
 VISUAL, COLLIDING = "visual", "collision"
@@ -94,9 +93,8 @@ class Shape:
 
     def __post_init__(self) -> None:
         if self.kind in _MESHES:
-            self.mesh = _MESHES[self.kind](
-                *map(float, np.concatenate([*self.size.values()]))
-            )
+            numbers = np.concatenate([*self.size.values()])
+            self.mesh = _MESHES[self.kind](*map(float, numbers))
 
     def points(self) -> Array:
         """Lists the vertices of the mesh.
@@ -184,21 +182,19 @@ def spatial_inertia(mass: float, com: Vector, central: Array) -> SpatialInertia:
     Returns:
         The inertia about the origin, in the body's frame.
     """
-    return (
-        SpatialInertia.MakeFromCentralInertia(
-            mass,
-            com,
-            RotationalInertia(
-                Ixx=central[0, 0],
-                Iyy=central[1, 1],
-                Izz=central[2, 2],
-                Ixy=central[0, 1],
-                Ixz=central[0, 2],
-                Iyz=central[1, 2],
-            ),
-        )
-        if mass
-        else SpatialInertia.Zero()
+    if not mass:
+        return SpatialInertia.Zero()
+    return SpatialInertia.MakeFromCentralInertia(
+        mass,
+        com,
+        RotationalInertia(
+            Ixx=central[0, 0],
+            Iyy=central[1, 1],
+            Izz=central[2, 2],
+            Ixy=central[0, 1],
+            Ixz=central[0, 2],
+            Iyz=central[1, 2],
+        ),
     )
 
 
@@ -242,12 +238,10 @@ class Joint:
         Returns:
             The child's pose in the parent.
         """
-        motion = (
-            RigidTransform(angle * self.axis)
-            if self.type == "prismatic"
-            else RigidTransform(RotationMatrix(AngleAxis(angle, self.axis)))
-        )
-        return RigidTransform(self.X_PC @ motion)
+        if self.type == "prismatic":
+            return RigidTransform(self.X_PC @ RigidTransform(angle * self.axis))
+        R = RotationMatrix(AngleAxis(angle, self.axis))
+        return RigidTransform(self.X_PC @ RigidTransform(R))
 
 
 @dataclass
@@ -295,12 +289,12 @@ class Description:
         ]
         tree = {link for base in free for link in self.below(base)}
         loop = [link for link in self.links if link not in tree]
-        require(
-            len(bases) == 1 and not loop,
-            f"floating bases: must be one; these are: "
-            f"{', '.join(bases) or 'none'}; links in closed loops: "
-            f"{', '.join(loop) or 'none'}",
-        )
+        if len(bases) != 1 or loop:
+            raise ValueError(
+                f"floating bases: must be one; these are: "
+                f"{', '.join(bases) or 'none'}; links in closed loops: "
+                f"{', '.join(loop) or 'none'}"
+            )
         self.root = bases[0]
 
     def children(self, link: str) -> list[Joint]:
@@ -383,9 +377,8 @@ class Description:
         poses = {self.root: RigidTransform()}
         for link in self.below(self.root):
             for joint in self.children(link):
-                poses[joint.child] = poses[link] @ joint.pose(
-                    (angles or {}).get(joint.name, joint.nearest(0.0))
-                )
+                angle = (angles or {}).get(joint.name, joint.nearest(0.0))
+                poses[joint.child] = poses[link] @ joint.pose(angle)
         return poses
 
     def com(self, poses: Poses) -> Array:
@@ -397,11 +390,11 @@ class Description:
         Returns:
             The point (3,) in the root [m].
         """
-        moments = [
+        moment = sum(
             self.links[name].M.get_mass() * (X @ self.links[name].M.get_com())
             for name, X in poses.items()
-        ]
-        return np.asarray(sum(moments) / self.mass(self.links))
+        )
+        return np.asarray(moment / self.mass(self.links))
 
     def hinges(self, names: Iterable[str], poses: Poses) -> tuple[Array, Array]:
         """Returns where joints are, and their axes.
@@ -414,12 +407,9 @@ class Description:
             Points (n, 3) on the joints [m] and their axes (n, 3), in the root.
         """
         joints = [self.joints[name] for name in names]
-        return (
-            np.array([poses[joint.child].translation() for joint in joints]),
-            np.array(
-                [poses[joint.child].rotation() @ joint.axis for joint in joints]
-            ),
-        )
+        points = [poses[joint.child].translation() for joint in joints]
+        axes = [poses[joint.child].rotation() @ joint.axis for joint in joints]
+        return np.array(points), np.array(axes)
 
     def weld(self, names: Iterable[str]) -> None:
         """Welds joints at the nearest angle to 0; their children become parts.

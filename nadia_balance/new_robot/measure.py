@@ -26,7 +26,6 @@ from nadia_balance.new_robot.shapes import (
     find_sole,
     largest_rectangle,
 )
-from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.scaling import Size, scaled
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
@@ -132,10 +131,10 @@ def _geometry(
     left, right = (poses[foot] @ p_FS for foot in anatomy.feet.values())
     ground = float(0.5 * (left + right)[2])
     com = float(robot.com(poses)[2])
-    left_leg, right_leg = anatomy.legs.values()
+    pitches = [leg.pitches for leg in anatomy.legs.values()]
     hips, _, ankles = (
         float(robot.hinges(names, poses)[0][:, 2].mean())
-        for names in zip(left_leg.pitches, right_leg.pitches, strict=True)
+        for names in zip(*pitches, strict=True)
     )
     return com - ground, LegGeometry(
         length=length,
@@ -176,11 +175,8 @@ def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
         foot: find_sole(robot.links[foot], R_RL[foot].inverse() @ -up)
         for foot in anatomy.feet.values()
     }
-    ups = {
-        robot.root: up,
-        anatomy.torso: up,
-        **{foot: R_RL[foot] @ -sole.down for foot, sole in soles.items()},
-    }
+    ups = dict.fromkeys((robot.root, anatomy.torso), up)
+    ups |= {foot: R_RL[foot] @ -sole.down for foot, sole in soles.items()}
     for link, z in ups.items():
         y = np.cross(z, forward)
         y /= np.linalg.norm(y)
@@ -196,10 +192,10 @@ def _check_extents(soles: Mapping[str, SolePlane], notes: Notes) -> None:
     """Doubts soles that are no foot's."""
     for foot, sole in soles.items():
         length, width = sole.extents
-        require(
-            length <= _LONGEST_SOLE,
-            f"sole of {foot}: {length:.3g} m long: mesh in mm?",
-        )
+        if length > _LONGEST_SOLE:
+            raise ValueError(
+                f"sole of {foot}: {length:.3g} m long: mesh in mm?"
+            )
         if width > length:
             notes.add(
                 "warning",
@@ -213,11 +209,11 @@ def _mean_of_alike(
 ) -> float:
     """The mean of two lengths [m] that must not differ by more."""
     left, right = values
-    require(
-        abs(left - right) <= tolerance,
-        f"{subject}: must be alike; they are {left:.3f} and {right:.3f} m "
-        f"{place}",
-    )
+    if abs(left - right) > tolerance:
+        raise ValueError(
+            f"{subject}: must be alike; they are {left:.3f} and {right:.3f} m "
+            f"{place}"
+        )
     return float(np.mean(values))
 
 
@@ -320,12 +316,12 @@ def _posture(
 ) -> dict[str, float]:
     """Angles [rad] of all joints: knees bent, soles level under the CoM."""
     for name, knee in knees.items():
-        require(
-            knee.max_bend >= _BENDS[-1],
-            f"joint {name}: must bend the knee, so that the foot goes "
-            f"back, by {_BENDS[-1]:.2f} rad; it does by "
-            f"{knee.max_bend:.2f} rad",
-        )
+        if knee.max_bend < _BENDS[-1]:
+            raise ValueError(
+                f"joint {name}: must bend the knee, so that the foot goes "
+                f"back, by {_BENDS[-1]:.2f} rad; it does by "
+                f"{knee.max_bend:.2f} rad"
+            )
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
@@ -343,12 +339,9 @@ def _posture(
         poses = robot.poses(angles)
         com = robot.com(poses)
         feet = [poses[leg.foot] for leg in legs]
-        return np.array(
-            [
-                *((X_RF @ p_FS - com)[0] for X_RF in feet),
-                *(X_RF.rotation().matrix()[2, 0] for X_RF in feet),
-            ]
-        )
+        ahead = [(X_RF @ p_FS - com)[0] for X_RF in feet]
+        tilts = [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
+        return np.array(ahead + tilts)
 
     for bend in _BENDS:
         for name, knee in knees.items():

@@ -36,17 +36,24 @@ from nadia_balance.results.log import (
     velocity_commands,
 )
 from nadia_balance.results.measurements import torque_ratio
-from nadia_balance.results.plots import footsteps, style, time_series
+from nadia_balance.results.plots import footsteps
+from nadia_balance.results.plots.style import RC
+from nadia_balance.results.plots.time_series import (
+    draw_contacts,
+    draw_effort,
+    draw_estimate,
+    draw_icp,
+)
 from nadia_balance.results.story import command_words, tell_commands, telling
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import FRAMES_PER_SECOND
 
 PLOTS: dict[str, Callable[[Log, dict[str, Any]], Figure | None]] = {
-    "timeline.png": time_series.draw_contacts,
+    "timeline.png": draw_contacts,
     "footsteps.png": footsteps.draw,
-    "icp.png": time_series.draw_icp,
-    "effort.png": time_series.draw_effort,
-    "estimate.png": time_series.draw_estimate,
+    "icp.png": draw_icp,
+    "effort.png": draw_effort,
+    "estimate.png": draw_estimate,
 }
 
 # All files that a run may write.
@@ -122,7 +129,7 @@ def write_plots(folder: Path, log: Log, summary: dict[str, Any]) -> list[str]:
     written = []
     with mpl.rc_context():
         mpl.rcdefaults()  # not the user's, such as text.usetex
-        mpl.rcParams.update(style.RC)
+        mpl.rcParams.update(RC)
         for name, draw in PLOTS.items() if len(log["t"]) > 1 else ():
             figure = draw(log, summary)
             if figure is not None:
@@ -273,11 +280,9 @@ def _moments(log: Log) -> list[tuple[float, str]]:
 
 
 def _phase_words(span: PhaseSpan) -> str:
-    return (
-        str(span.phase.value)
-        if span.phase is Phase.STANDING
-        else f"{span.swing_side.value} {span.phase.value}"
-    )
+    if span.phase is Phase.STANDING:
+        return str(span.phase.value)
+    return f"{span.swing_side.value} {span.phase.value}"
 
 
 def _last(texts: list[tuple[float, str]], time: float) -> str:
@@ -291,41 +296,28 @@ _Strip = tuple[str, list[tuple[str, list[int]]]]
 
 def _curves(log: Log) -> list[_Strip]:
     """The strips that the log has the data for."""
-    return [
-        *(
-            [
-                _strip(
-                    icp_error(log),
-                    label="ICP error, up to {:.2f} m",
-                    colors=[palette.ICP],
-                )
-            ]
-            if "icp_reference" in log
-            else []
-        ),
-        *(
-            [
-                _strip(
-                    (log["foot_forces"] / log["weight"]).T,
-                    label="foot forces, up to {:.1f} of the weight",
-                    colors=[palette.LEFT, palette.RIGHT],
-                )
-            ]
-            if "weight" in log
-            else []
-        ),
-        *(
-            [
-                _strip(
-                    np.max(torque_ratio(log), axis=1),
-                    label="largest torque, up to {:.0%} of its limit",
-                    colors=[palette.SUPPORT],
-                )
-            ]
-            if "effort_limits" in log
-            else []
-        ),
-    ]
+    strips = []
+    if "icp_reference" in log:
+        strips.append(
+            _strip(icp_error(log), "ICP error, up to {:.2f} m", [palette.ICP])
+        )
+    if "weight" in log:
+        strips.append(
+            _strip(
+                (log["foot_forces"] / log["weight"]).T,
+                label="foot forces, up to {:.1f} of the weight",
+                colors=[palette.LEFT, palette.RIGHT],
+            )
+        )
+    if "effort_limits" in log:
+        strips.append(
+            _strip(
+                np.max(torque_ratio(log), axis=1),
+                label="largest torque, up to {:.0%} of its limit",
+                colors=[palette.SUPPORT],
+            )
+        )
+    return strips
 
 
 def _strip(values: Array, label: str, colors: list[str]) -> _Strip:
@@ -404,8 +396,9 @@ class LivePage(ThreadingHTTPServer):
         """
         if path == _POLLED:
             return json.dumps(self._lines).encode()
-        is_page = path.partition("?")[0] == "/"
-        return self._page if is_page else self._fetched(path)
+        if path.partition("?")[0] == "/":
+            return self._page
+        return self._fetched(path)
 
 
 class _Handler(BaseHTTPRequestHandler):

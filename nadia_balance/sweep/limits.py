@@ -17,7 +17,6 @@ from nadia_balance.core.walking.mechanisms import (
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
-from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import MODELS
 from nadia_balance.sweep.lipm_limit import LipmLimit
@@ -87,10 +86,9 @@ class Protocol:
             Velocities [m/s] by mechanisms and direction [deg] in [0, 360).
         """
         text = (MODELS / self.robot / self.figures).read_text(encoding="utf-8")
+        lines = (line for line in text.splitlines() if not line.startswith("#"))
         curves: dict[str, dict[float, float]] = {}
-        for row in csv.DictReader(
-            line for line in text.splitlines() if not line.startswith("#")
-        ):
+        for row in csv.DictReader(lines):
             if row.pop("scenario", scenario) == scenario:
                 direction = float(row.pop("direction"))
                 for mechanisms, value in row.items():
@@ -225,11 +223,8 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         {cell[:2] for cell in groups},
         key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
     )
-    mechanisms = [
-        name
-        for name in NAMED
-        if any(cell.mechanisms == name for cell in groups)
-    ]
+    tried = {cell.mechanisms for cell in groups}
+    mechanisms = [name for name in NAMED if name in tried]
     directions = sorted({cell.direction_deg for cell in groups})
     records, assumptions = [], set()
     for situation in situations:
@@ -264,6 +259,10 @@ def _record(
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
     pushes = [one.largest_push(cell.direction_deg) for one in limits]
+    worst = {
+        name: [row[name] for row in best if row[name] is not None]
+        for name in WORST
+    }
     return {
         **cell._asdict(),
         "trials": len(rows),
@@ -271,13 +270,7 @@ def _record(
         **dict.fromkeys(OTHERS),
         "paper": paper.get(cell.mechanisms, {}).get(cell.direction_deg),
         **dict(zip(OTHERS[1:], pushes, strict=False)),
-        **{
-            name: max(
-                (row[name] for row in best if row[name] is not None),
-                default=None,
-            )
-            for name in WORST
-        },
+        **{name: max(values, default=None) for name, values in worst.items()},
     }
 
 
@@ -308,7 +301,8 @@ def limits_of(
     push = scenario.pushes[0]
     diagram = LipmDiagram(scenario)
     context, run = walk_to_push(diagram)
-    require(run.until, f"at = {push.at!r}: must be in the walk")
+    if not run.until:
+        raise ValueError(f"at = {push.at!r}: must be in the walk")
     limit = limit_from(
         diagram, context, model=robot.point_mass, push_duration=push.duration
     )
@@ -323,17 +317,13 @@ def limits_of(
 
 def _on_level_ground(scenario: Scenario, robot: RobotModel) -> Scenario:
     """The scenario on flat ground, if any of its grounds is not level."""
-    return (
-        scenario
-        if all(
-            ground is None or ground.is_level
-            for ground in (
-                scenario.terrain.ground(robot.sole, robot.params.size),
-                scenario.point_mass(robot).ground,
-            )
-        )
-        else scenario.changed(terrain=replace(scenario.terrain, name="flat"))
+    grounds = (
+        scenario.terrain.ground(robot.sole, robot.params.size),
+        scenario.point_mass(robot).ground,
     )
+    if all(ground is None or ground.is_level for ground in grounds):
+        return scenario
+    return scenario.changed(terrain=replace(scenario.terrain, name="flat"))
 
 
 def first_pushes(sweep: Sweep) -> dict[Cell, float]:

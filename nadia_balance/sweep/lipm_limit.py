@@ -18,8 +18,10 @@ import numpy as np
 
 from nadia_balance.core.body import reachability
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.math import lipm, polygon, qp
+from nadia_balance.core.math import polygon
 from nadia_balance.core.math.arrays import Array, rectangle
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.math.qp import largest_first
 from nadia_balance.core.plan.time_adjustment import TimingAdapterParams
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import (
@@ -28,7 +30,6 @@ from nadia_balance.core.walking.state import (
     WalkingState,
     support_polygon,
 )
-from nadia_balance.parameters.bounds import require
 
 LOST = -1  # no number of steps captures the robot
 
@@ -92,8 +93,10 @@ class LipmLimit:
     push_duration: float = 0.1
 
     def __post_init__(self) -> None:
-        require(self.kappa >= 0.0, f"kappa = {self.kappa}: must be >= 0 m")
-        require(self.fall >= 0.0, f"fall = {self.fall}: must be >= 0 m/s")
+        if not self.kappa >= 0.0:
+            raise ValueError(f"kappa = {self.kappa}: must be >= 0 m")
+        if not self.fall >= 0.0:
+            raise ValueError(f"fall = {self.fall}: must be >= 0 m/s")
 
     @cached_property
     def assumptions(self) -> str:
@@ -192,10 +195,9 @@ class LipmLimit:
     def _foot(self) -> Array:
         """Position (2,) [m] of the first swing foot, see `_local`."""
         schedule = self.state.schedule
+        standing = schedule.feet[schedule.support_side.other].p_WF[:2]
         return self._local(
-            self.foot
-            if schedule.phase is Phase.SWING
-            else schedule.feet[schedule.support_side.other].p_WF[:2]
+            self.foot if schedule.phase is Phase.SWING else standing
         )
 
     def _local(self, points: Array) -> Array:
@@ -227,10 +229,8 @@ class LipmLimit:
                 for k in range(len(self._steps))
             ]
         stance = self.state.schedule.feet[self.state.schedule.support_side]
-        holds = [
-            self._local(foot.p_WF[:2])
-            for foot in (stance, *(step.pose for step in self._steps))
-        ]
+        feet = [stance, *(step.pose for step in self._steps)]
+        holds = [self._local(foot.p_WF[:2]) for foot in feet]
         return [
             dict.fromkeys(self._regions, (_BOX, _BOX @ (after - before)))
             for before, after in itertools.pairwise(holds)
@@ -303,9 +303,8 @@ class LipmLimit:
         """Weight [-] of the eCMP of the trailing foot before lift-off."""
         if self.state.schedule.phase is not Phase.TRANSFER:
             return 0.0
-        return (self.state.remaining_time / self.state.schedule.duration) * (
-            1.0 - _mean_decay(self.model.omega * self._rests[1][0])
-        )
+        share = self.state.remaining_time / self.state.schedule.duration
+        return share * (1.0 - _mean_decay(self.model.omega * self._rests[1][0]))
 
     def _solve(
         self,
@@ -323,8 +322,9 @@ class LipmLimit:
         n = len(swings)
         w, T = self.model.omega, self.push_duration
         per_speed = -math.expm1(-w * T) / (w * w * T)  # ICP shift / delta_v [s]
-        behind = self._behind() if n else 0.0
-        ecmp = self._local(self.icp) - behind * self._foot
+        ecmp = self._local(self.icp)
+        if n:
+            ecmp = ecmp - self._behind() * self._foot
         to_ecmp = np.column_stack(
             [
                 per_speed * direction,
@@ -334,13 +334,8 @@ class LipmLimit:
         to_step = [np.eye(2, 2 * n + 1, 1 + 2 * k) for k in range(n)]
         limits = [(to_ecmp, ecmp, self._ecmps[min(n, 1)])]
         if math.isfinite(upper_bound):
-            limits.append(
-                (
-                    np.eye(1, 2 * n + 1),
-                    np.zeros(1),
-                    (np.eye(1), np.array([upper_bound])),
-                )
-            )
+            bound = np.eye(1), np.array([upper_bound])
+            limits.append((np.eye(1, 2 * n + 1), np.zeros(1), bound))
         speed = self.model.detour.max_speed
         for k, (region, swing) in enumerate(zip(regions, swings, strict=True)):
             limits.append((to_step[k], _ZERO, self._reach[k][region]))
@@ -348,7 +343,7 @@ class LipmLimit:
                 disc = _DIRECTIONS, np.full(len(_DIRECTIONS), speed * swing)
                 moved = to_step[k] + to_step[k - 1] if k else to_step[0]
                 limits.append((moved, _ZERO if k else -self._foot, disc))
-        x = qp.largest_first(
+        x = largest_first(
             np.vstack([A @ M for M, _, (A, _) in limits]),
             np.concatenate([b - A @ p for _, p, (A, b) in limits]),
         )
@@ -364,7 +359,7 @@ class LipmLimit:
             for transfer in [*transfers[1:], *transfers[-1:]][:n]
         ]
         # Not once more at each landing: it depends on the fall of that time.
-        gained = self.fall / (2.0 * lipm.GRAVITY)
+        gained = self.fall / (2.0 * GRAVITY)
         return np.asarray(np.exp(-w * (landings - gained)) * loading)
 
 
