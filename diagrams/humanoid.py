@@ -274,6 +274,7 @@ class HumanoidDiagram(ClosedLoop):
     def _drive(self, builder: DiagramBuilder) -> None:
         """Connects the commanded torques to the engine, through its drives."""
         self._torques = self.controller.GetOutputPort("actuation")
+        joint_torques = self._torques
         self._drives = None
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
@@ -281,7 +282,8 @@ class HumanoidDiagram(ClosedLoop):
             connect(builder, self.controller, self._drives, "actuation")
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
-        builder.Connect(self._torques, self.engine.GetInputPort("actuation"))
+            joint_torques = self._drives.GetOutputPort("joint_torques")
+        builder.Connect(joint_torques, self.engine.GetInputPort("actuation"))
 
     def _sense(self, builder: DiagramBuilder) -> None:
         """Connects the controller's inputs to the measured signals."""
@@ -364,7 +366,8 @@ class HumanoidDiagram(ClosedLoop):
             torques: Any = self._drives.GetInputPort("actuation").Eval(
                 drives_context
             )
-            drives_context.SetDiscreteState(0, torques)
+            for state in (0, 2):  # of motors, and of joints
+                drives_context.SetDiscreteState(state, torques)
 
     def fall_reason(self, context: Context) -> str:
         """Returns the criterion by which the robot has fallen.

@@ -75,6 +75,11 @@ class RobotModel:
         self.com_height = params.com_height
         self.posture = params.posture
         self.drives = params.drives
+        self.motors = {
+            joint: motor
+            for motor in (params.drives.motors.values() if params.drives else ())
+            for joint in motor.joints
+        }
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
         self.foot_bodies = {
@@ -111,6 +116,35 @@ class RobotModel:
         return np.where(
             np.isfinite(speeds), speeds, self.params.max_joint_speed
         )
+
+    def motor_values(self, field: str, others: float) -> Array:
+        """A field of MotorParams for each joint.
+
+        Args:
+            field: its name.
+            others: value of joints whose motor does not give it.
+
+        Returns:
+            Values (nj,), in the order of v.
+        """
+        values = np.full(self.max_joint_speeds.size, others)
+        for drive in actuators(self.control_plant()):
+            joint = drive.joint()
+            motor = self.motors.get(joint.name())
+            value = None if motor is None else getattr(motor, field)
+            if value is not None:
+                values[joint.velocity_start() - 6] = value
+        return values
+
+    @cached_property
+    def corner_speeds(self) -> Array:
+        """Shares (nj,) of the speed limits with the full torque [-].
+
+        Ideal drives have it at any speed: 1.
+        """
+        if self.drives is None:
+            return np.ones(self.max_joint_speeds.size)
+        return self.motor_values("corner_speed", self.drives.corner_speed)
 
     @cached_property
     def point_mass(self) -> PointMassModel:
@@ -164,17 +198,16 @@ class RobotModel:
                 limit is of an unknown joint.
         """
         instance = add_urdf(plant, self.urdf)
-        limits = dict(self.drives.max_torque) if self.drives else {}
         for actuator in actuators(plant):
-            if actuator.model_instance() == instance:
-                actuator.set_effort_limit(
-                    limits.pop(actuator.joint().name(), actuator.effort_limit())
+            motor = self.motors.get(actuator.joint().name())
+            if motor is None or actuator.model_instance() != instance:
+                continue
+            if motor.max_torque is not None:
+                actuator.set_effort_limit(motor.max_torque)
+            if motor.max_speed is not None:
+                actuator.joint().set_velocity_limits(
+                    [-motor.max_speed], [motor.max_speed]
                 )
-        for joint in limits:
-            raise ValueError(
-                f"drives.max_torque.{joint}: must be of an actuated joint of "
-                f"{self.name}"
-            )
         return instance
 
     def add_plant_to(

@@ -225,6 +225,16 @@ def _check_drives(
             f"{urdf}: rotor inertia x gear ratio^2 of {name} = {inertia}: must "
             "be >= 0 kg m^2",
         )
+    motors = {} if params.drives is None else params.drives.motors
+    driven: set[str] = set()
+    for kind, motor in motors.items():
+        for name in motor.joints:
+            require(
+                name in drives and name not in driven,
+                f"drives.motors.{kind}.joints = {name}: must be an actuated "
+                f"joint of {params.name}, and named once",
+            )
+            driven.add(name)
 
 
 def _check_angles(params: RobotParams, hinges: dict[str, Joint]) -> None:

@@ -21,15 +21,22 @@ from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import Block, Input, input_port
 
+# Speed [rad/s] of a joint at which its dry friction is nearly whole: that of a
+# joint at rest would be a constraint.
+SLIP = 0.1
+
 
 class JointDrives(Block):
-    """Filters the commanded torques: first-order lag, torque-speed limits.
+    """Filters the commanded torques: lag, torque-speed limits, friction.
 
     `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
-    those of the drives, both in the order of the plant's actuators; `state` is
-    [q, v] of the plant.  The discrete state is `torques`, 0 at the start, and
-    the last command with the number of steps that it still holds; it is updated
-    in every step of the plant, so that a command acts one step late.
+    those of the motors, which follow with a first-order lag within the
+    torque-speed limits; `joint_torques` (nu,) [N m] are what friction leaves,
+    torques - friction tanh(qd / SLIP) - damping qd.  All are in the order of
+    the plant's actuators; `state` is [q, v] of the plant.  The discrete state
+    is these outputs, 0 at the start, and the last command with the number of
+    steps that it still holds; it is updated in every step of the plant, so
+    that a command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
@@ -45,7 +52,7 @@ class JointDrives(Block):
 
         name: JointDrives
         input_ports: [actuation, state]
-        output_ports: [torques]
+        output_ports: [torques, joint_torques]
     """
 
     def __init__(
@@ -60,7 +67,7 @@ class JointDrives(Block):
         self._speeds = plant.num_positions() + velocities
         self._max_torques: Any = plant.GetEffortUpperLimits()
         self._max_speeds = robot.max_joint_speeds[velocities - 6]
-        self._corner_speed = robot.drives.corner_speed
+        self._corner_speed = robot.corner_speeds[velocities - 6]
         # Up to the corner speed the limits are constant.  The margin is large
         # against rounding.
         self._per_corner_speed = np.zeros(plant.num_multibody_states())
@@ -69,6 +76,11 @@ class JointDrives(Block):
         )
         self._full: Any = np.negative(self._max_torques), self._max_torques
         self._share = lag_share(robot.drives.bandwidth, step)
+        friction = robot.motor_values("friction", 0.0)[velocities - 6]
+        damping = robot.motor_values("damping", 0.0)[velocities - 6]
+        self._friction: Array | None = None
+        if friction.any() or damping.any():
+            self._friction = np.stack((friction, damping))
         self._actuation = input_port(self, "actuation", velocities.size)
         self._state = input_port(self, "state", plant.num_multibody_states())
         self.DeclareStateOutputPort(
@@ -76,6 +88,9 @@ class JointDrives(Block):
         )
         # The last command, and for how many more steps it holds.
         self.DeclareDiscreteState(velocities.size + 1)
+        self.DeclareStateOutputPort(
+            "joint_torques", self.DeclareDiscreteState(velocities.size)
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
@@ -88,9 +103,16 @@ class JointDrives(Block):
         else:
             held[:-1] = self._actuation(context)
             held[-1] = self._later
-        lower, upper = self._limits(self._state(context))
+        state = self._state(context)
+        lower, upper = self._limits(state)
         following = torques + self._share * (held[:-1] - torques)
         np.maximum(np.minimum(following, upper), lower, out=torques)
+        remaining: Any = new.get_mutable_value(2)
+        remaining[:] = torques
+        if self._friction is not None:
+            speeds = state[self._speeds]
+            friction, damping = self._friction
+            remaining -= friction * np.tanh(speeds / SLIP) + damping * speeds
 
     def _limits(self, state: Array) -> Any:
         """The least and the largest torques (nu) [N m] in the state."""

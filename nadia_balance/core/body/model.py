@@ -75,6 +75,34 @@ class PointMassModel:
 
 
 @parameters
+class MotorParams:
+    """A kind of motor with its gear, in place of what the URDF says of it."""
+
+    joints: list[str] = bounded(list, doc="the joints that it drives")
+    max_torque: float | None = bounded(
+        None, above=0.0, unit="N m", doc="largest torque; null: of the URDF"
+    )
+    max_speed: float | None = bounded(
+        None,
+        above=0.0,
+        unit="rad/s",
+        doc="speed without load; null: the URDF's velocity limit",
+    )
+    corner_speed: float | None = bounded(
+        None,
+        above=0.0,
+        below=1.0,
+        doc="share of the speed limit with the full torque; null: of `drives`",
+    )
+    friction: float = bounded(
+        0.0, least=0.0, unit="N m", doc="dry friction of motor and gear"
+    )
+    damping: float = bounded(
+        0.0, least=0.0, unit="N m s", doc="viscous friction of motor and gear"
+    )
+
+
+@parameters
 class JointDriveParams:
     """Parameters of all drives; other torque and speed limits: see URDF."""
 
@@ -96,11 +124,8 @@ class JointDriveParams:
         of="",
         doc="largest rate of a commanded torque, in shares of its limit",
     )
-    max_torque: dict[str, float] = bounded(
-        dict,
-        above=0.0,
-        unit="N m",
-        doc="torque limits by joint, in place of those of the URDF",
+    motors: dict[str, MotorParams] = bounded(
+        dict, doc="kinds of motors by name; a joint has one at most"
     )
 
     @property
@@ -110,7 +135,7 @@ class JointDriveParams:
 
 
 def torque_limits(
-    speed: Array, max_torque: Array, max_speed: Array, corner_speed: float
+    speed: Array, max_torque: Array, max_speed: Array, corner_speed: Array
 ) -> Array:
     """The torques of drives within max_torque and the torque-speed line.
 
@@ -121,7 +146,7 @@ def torque_limits(
         speed: speeds (n,) of n drives [rad/s].
         max_torque: torque limits (n,) [N m].
         max_speed: speed limits (n,) [rad/s].
-        corner_speed: share of the speed limit with the full torque [-].
+        corner_speed: shares (n,) of the speed limits with the full torque [-].
 
     Returns:
         The least and the largest torque (2, n) [N m].

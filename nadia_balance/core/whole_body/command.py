@@ -48,6 +48,7 @@ class WholeBodyModel:
         position_upper: limits (nj,) [rad].
         max_torque: limits (nj,) [N m].
         max_speed: limits (nj,), which may be infinite [rad/s].
+        corner_speed: shares (nj,) of them with the full torque [-].
         is_leg_joint: whether it is one (nj,).
         drives: without, torques have no speed or rate limits.
     """
@@ -61,6 +62,7 @@ class WholeBodyModel:
     position_upper: Array
     max_torque: Array
     max_speed: Array
+    corner_speed: Array
     is_leg_joint: NDArray[np.bool_]
     drives: JointDriveParams | None = None
 
