@@ -195,7 +195,8 @@ class ComHeight:
     ) -> tuple[float, float]:
         """The CoM height that the stance leg allows.
 
-        The hip is `hip_width` / 2 beside the CoM; it is at most `max_stretch`
+        The hip is `hip_width` / 2 beside the CoM, and `hip_ahead` of the ankle
+        when the CoM is over the sole's centre; it is at most `max_stretch`
         times the leg's length from the ankle (Pythagoras).
 
         Args:
@@ -210,6 +211,7 @@ class ComHeight:
         side, params, legs = schedule.support_side, self.params, self.model.legs
         stance = schedule.feet[side]
         x, y = stance.to_sole(com).tolist()
+        x += legs.hip_ahead
         y += 0.5 * side.sign * legs.hip_width
         vx, vy = (stance.rotation.T @ velocity).tolist()
         lowest = params.min_height_ratio * self.model.com_height
