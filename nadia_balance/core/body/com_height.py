@@ -264,8 +264,13 @@ class ComHeight:
 
         It is k_s omega^2 (|icp - ecmp| - sink_distance) while the CoM is ahead
         of the eCMP and above `min_height_ratio`.  The ICP leaves an eCMP, to
-        first order, as exp(omega t + omega (z_dot(t) - z_dot(0)) / (2 g)): a
-        CoM that falls at the touchdown has gained on it.
+        first order, as the exponential of
+
+            omega t + omega / (2 g) (z_dot(t) - z_dot(0)
+                                     + omega^2 integral (z(0) - z) dt):
+
+        a CoM that falls at the touchdown has gained on it, one that has been
+        low for long has lost, as a lower pendulum diverges faster.
 
         Args:
             com: CoM (2,) in W [m].
