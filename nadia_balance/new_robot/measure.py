@@ -130,16 +130,18 @@ def _geometry(
     poses = robot.poses(posture)
     left, right = (poses[foot] @ p_FS for foot in anatomy.feet.values())
     ground = float(0.5 * (left + right)[2])
-    com = float(robot.com(poses)[2])
+    com = robot.com(poses)
     pitches = [leg.pitches for leg in anatomy.legs.values()]
     hips, _, ankles = (
-        float(robot.hinges(names, poses)[0][:, 2].mean())
+        robot.hinges(names, poses)[0].mean(axis=0)
         for names in zip(*pitches, strict=True)
     )
-    return com - ground, LegGeometry(
+    ahead = (hips - com) - (ankles - 0.5 * (left + right))
+    return float(com[2]) - ground, LegGeometry(
         length=length,
-        ankle_height=ankles - ground,
-        com_above_hip=com - hips,
+        ankle_height=float(ankles[2]) - ground,
+        com_above_hip=float(com[2] - hips[2]),
+        hip_ahead=float(ahead[0]),
         hip_width=float(left[1] - right[1]),
     )
 

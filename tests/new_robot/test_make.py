@@ -89,6 +89,7 @@ def test_stands_with_bent_knees_and_keeps_them_bent(biped, made):
     drop = height - legs["com_above_hip"] - legs["ankle_height"]
     lean = p_WS[0] - 0.5 * (robot.params.sole.x_min + robot.params.sole.x_max)
     assert np.hypot(drop, lean) == pytest.approx(np.sqrt(squared), abs=5e-4)
+    assert legs["hip_ahead"] == pytest.approx(p_WS[0] - com[0] - lean, abs=2e-4)
     limits = written["whole_body"]
     bent = pytest.approx(dict.fromkeys(KNEES, 0.1 * biped.knee_sign))
     found = [limits[f"joint_{way}_limits"] for way in ("lower", "upper")]

@@ -32,6 +32,11 @@ class LegGeometry:
     com_above_hip: float = bounded(
         0.0, doc="of the CoM, vertical, in the nominal posture, in m"
     )
+    hip_ahead: float = bounded(
+        0.0,
+        doc="of the hip pitch axis in front of the ankle, in the nominal "
+        "posture, when the CoM is over the sole's centre, in m",
+    )
     hip_width: float = bounded(
         0.0,
         above=0.0,

@@ -3,6 +3,7 @@
 To our knowledge nobody has published numeric tests of N-step capture regions.
 """
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -236,6 +237,25 @@ def test_the_foot_is_cut_on_its_proper_sides():
     foot = convex_hull(params.usable_foot(rectangle(0.25, 0.12)))
     corners = [[-0.105, -0.02], [0.115, -0.02], [0.115, 0.03], [-0.105, 0.03]]
     np.testing.assert_allclose(foot, corners, atol=1e-15)
+
+
+def test_the_cop_stays_where_the_ankle_holds_it():
+    """Oracle: the ICP's dynamics, by hand for each corner, in a turned world.
+
+    The ankle holds the CoP in 0.16 m x 0.07 m, the swing is the right one's.
+    """
+    schedule = moved(swing(num_steps=1), 0.3, [1.0, 2.0])
+    model = replace(MODEL, held=rectangle(0.16, 0.07) + [0.01, 0.0])
+    polygons = SwingGeometry(schedule, PARAMS, model, ALL)
+    front, back = 0.09 - PARAMS.foot_front, -0.07 + PARAMS.foot_back
+    inner, outer = -0.035 + PARAMS.foot_inside, 0.035 - PARAMS.foot_outside
+    corners = itertools.product((front, back), (inner, outer))
+    cops = schedule.feet.left.to_world(np.array([*corners]))
+    icp, times = np.array([1.1, 1.9]), (0.2, 0.5)
+    reached = [icp_after(icp, cop, OMEGA, t) for cop in cops for t in times]
+    expected = shapely.MultiPoint(reached).convex_hull
+    region = shapely.Polygon(polygons.one_step_region(icp, times))
+    assert region.symmetric_difference(expected).area < 1e-12
 
 
 # The ground.
