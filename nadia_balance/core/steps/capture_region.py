@@ -304,8 +304,8 @@ class SwingGeometry(Immutable):
     D_N of `later_steps`, with N at most the number of queued steps.
     The next foothold is on the ground; later steps are taken as on flat ground.
     With cross-over, these use the hull of base and cross-over regions and
-    ignore the stance foot as an obstacle.  This enlarges Nadia's C_3 in
-    mid-swing by at most 2.4, 19, 27 mm for steps of 1.0, 0.5, 0.38 s.
+    ignore the stance foot as an obstacle.  Whatever the ICP, the hull enlarges
+    Nadia's C_3 by at most 3, 33, 46 mm for steps of 1.0, 0.5, 0.38 s.
 
     Args:
         schedule: feet and footsteps; the swing is its present or next one.
