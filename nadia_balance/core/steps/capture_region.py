@@ -399,21 +399,6 @@ class SwingGeometry(Immutable):
             and self.model.ground.allows(foot)
         )
 
-    def foot_at(self, point: Array, nominal: FootPose) -> FootPose:
-        """The foot that stands on the ground at a point.
-
-        Args:
-            point: centre of the sole (2,) in W [m].
-            nominal: pose whose yaw it has; on flat ground, also whose height.
-
-        Returns:
-            The pose, with the height and the normal of the ground.
-        """
-        height = float(nominal.p_WF[2])
-        if self.model.ground is None:
-            return FootPose(np.append(point, height), nominal.yaw)
-        return self.model.ground.pose(point, nominal.yaw, height)
-
     def place_at(self, foothold: Array, reach: str = "") -> Place | None:
         """The place of a foothold.
 
