@@ -11,6 +11,7 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import natural_frequency
+from nadia_balance.core.walking.state import FootPose
 from nadia_balance.parameters.bounds import bounded, parameters
 
 
@@ -77,6 +78,21 @@ class PointMassModel:
     def omega(self) -> float:
         """Natural frequency [rad/s] (Nadia paper, below Eq. 1)."""
         return natural_frequency(self.com_height)
+
+    def foot_at(self, point: Array, nominal: FootPose) -> FootPose:
+        """The foot that stands on the ground at a point.
+
+        Args:
+            point: centre of the sole (2,) in W [m].
+            nominal: pose whose yaw it has; on flat ground, also whose height.
+
+        Returns:
+            The pose, with the height and the normal of the ground.
+        """
+        height = float(nominal.p_WF[2])
+        if self.ground is None:
+            return FootPose(np.append(point, height), nominal.yaw)
+        return self.ground.pose(point, nominal.yaw, height)
 
 
 @parameters

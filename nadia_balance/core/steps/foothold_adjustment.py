@@ -305,7 +305,7 @@ def adjust_foothold(
     place, target = min(options, key=cost)
     pose = current.pose
     if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
-        pose = landing.geometry.foot_at(target, nominal)
+        pose = landing.geometry.model.foot_at(target, nominal)
     return Adjustment(current.nominal, pose, place.reach, ground=place.ground)
 
 
@@ -495,7 +495,7 @@ def in_time(
         if place is not None and UNDER_WAY * landing.time_to(point) <= time:
             result = Adjustment(
                 target.nominal,
-                geometry.foot_at(point, target.nominal.pose),
+                geometry.model.foot_at(point, target.nominal.pose),
                 place.reach,
                 ground=place.ground,
                 prolonged=target.prolonged,
