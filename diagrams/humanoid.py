@@ -32,6 +32,7 @@ from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
+from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
@@ -52,8 +53,6 @@ from nadia_balance.view.scene import (
     move_floor,
 )
 
-FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
-FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 FALLEN_TORSO_TILT = math.radians(70.0)  # tilt of the torso [rad]
 
 
