@@ -17,6 +17,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.balance_controller import BalanceController
+from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
@@ -36,6 +37,7 @@ from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
+from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.hardware import (
     FootForceSensor,
     JointDrives,
@@ -243,6 +245,7 @@ class HumanoidDiagram(ClosedLoop):
     ) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
+        self._drive(builder)
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
@@ -250,7 +253,6 @@ class HumanoidDiagram(ClosedLoop):
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
-        self._drive(builder)
         mouse = None
         if meshcat is not None and engine is self.plant:
             mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
@@ -286,11 +288,12 @@ class HumanoidDiagram(ClosedLoop):
         """Connects the controller's inputs to the measured signals."""
         scenario, controller = self.scenario, self.controller
         state = self.engine.GetOutputPort("state")
-        forces = self.sensor.GetOutputPort("foot_forces")
+        feet: System = self.sensor
         self._measured: dict[str, OutputPort] = {}
         if self._sensors is not None:
-            self._estimate(builder)
+            feet = self._estimate(builder)
             state = self._measured["estimated_state"]
+        forces = feet.GetOutputPort("foot_forces")
         if scenario.imperfections.has_noise or scenario.delay:
             sensor = StateSensor(
                 self.plant,
@@ -300,15 +303,18 @@ class HumanoidDiagram(ClosedLoop):
             )
             builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
-            connect(builder, self.sensor, sensor, "foot_forces")
+            connect(builder, feet, sensor, "foot_forces")
             state = sensor.GetOutputPort("measured_state")
             forces = sensor.GetOutputPort("measured_foot_forces")
         builder.Connect(state, controller.GetInputPort("estimated_state"))
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
 
-    def _estimate(self, builder: DiagramBuilder) -> None:
-        """Adds sensors, and the estimator that reads them."""
+    def _estimate(self, builder: DiagramBuilder) -> System:
+        """Adds sensors, and the estimators that read them.
+
+        Returns the system that tells the foot forces.
+        """
         seed, period = self.scenario.seed, self.push.period
         assert self._sensors is not None
         level = self._ground is None or self._ground.is_level
@@ -330,9 +336,27 @@ class HumanoidDiagram(ClosedLoop):
             self._measured[signal] = sensor.GetOutputPort(signal)
             connect(builder, self.engine, sensor, "state")
             connect(builder, sensor, estimator, signal)
-        connect(builder, self.sensor, estimator, "foot_forces")
+        feet = self._add_foot_forces(builder, self._sensors)
+        connect(builder, feet, estimator, "foot_forces")
         for name in ("estimated_state", "estimate_covariance"):
             self._measured[name] = estimator.GetOutputPort(name)
+        return feet
+
+    def _add_foot_forces(
+        self, builder: DiagramBuilder, sensors: SensorParams
+    ) -> System:
+        """The sensor of the foot forces, or else their estimator."""
+        if sensors.foot_forces == "measured":
+            return self.sensor
+        feet = FootForceEstimator(self.robot, sensors, self.push.period)
+        builder.AddNamedSystem("foot_force_estimator", feet)
+        for name in ("imu", "joints"):
+            builder.Connect(self._measured[name], feet.GetInputPort(name))
+        builder.Connect(self._torques, feet.GetInputPort("torques"))
+        self._measured["estimated_foot_forces"] = feet.GetOutputPort(
+            "foot_forces"
+        )
+        return feet
 
     def set_initial_state(self, context: Context) -> None:
         """Lets the robot stand, shifted at random by the scenario's seed.
