@@ -3,7 +3,6 @@
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -66,7 +65,12 @@ def main(argv: list[str] | None = None) -> int:
             slower=args.lockstep,
         )
         wire.close()
-        command_line.say(*_report(process, delays))
+        command_line.say(*_report(process))
+        if args.lockstep == 1.0:
+            command_line.say(
+                f"answers late {delays.late} of {delays.answers}, longest "
+                f"{1e3 * delays.longest:.1f} ms"
+            )
         if interrupted():
             return command_line.INTERRUPTED
     counts = process.counts
@@ -165,14 +169,13 @@ def _until(
     return each
 
 
-def _report(process: RobotProcess, delays: loop.Delays) -> list[str]:
+def _report(process: RobotProcess) -> list[str]:
     counts = process.counts
     return [
         f"samples {counts.samples}: lost {counts.lost}, late {counts.late}, "
-        f"refused {counts.refused}; silences {counts.silences}, falls "
+        f"refused {counts.refused}",
+        f"ticks {counts.ticks}; silences {counts.silences}, falls "
         f"{counts.falls}",
-        f"ticks {counts.ticks}: answers late {delays.late} of "
-        f"{delays.answers}, longest {1e3 * delays.longest:.1f} ms",
     ]
 
 

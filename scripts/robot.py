@@ -43,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
         command_line.say(*_report(serving))
         if interrupted():
             return command_line.INTERRUPTED
-    is_up = serving.alone > 0.0 and not serving.falls
+    is_up = serving.longest > 0.0 and not serving.falls
     return command_line.DONE if is_up else command_line.FAILED
 
 
@@ -51,8 +51,7 @@ def _parser() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         __file__,
         __doc__,
-        "0 it stands alone at the end, and never fell, 1 it does not, 2 bad "
-        "input, 130 Ctrl-C or SIGTERM.",
+        "0 it stood alone, and never fell, 1 it did not, 2 bad input, 130 Ctrl-C or SIGTERM.",
     )
     wire_flags(parser)
     parser.add_argument(
@@ -141,7 +140,7 @@ def _serving(args: argparse.Namespace) -> Serving:
 def _report(serving: Serving) -> list[str]:
     pose = serving.robot.pose
     return [
-        f"stood alone for {serving.alone:.2f} s, falls {serving.falls}; pelvis "
+        f"stood alone for {serving.longest:.2f} s, falls {serving.falls}; pelvis "
         f"at {pose[4]:.2f} {pose[5]:.2f} {pose[6]:.2f} m",
         f"samples {serving.robot.samples}: lost {serving.bus.lost}, late "
         f"{serving.bus.late}; commands refused {serving.listener.refused}",

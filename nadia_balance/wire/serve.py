@@ -192,6 +192,7 @@ class Serving:
             len(self.damping.q), self.damping, self._tell_now
         )
         self.alone = 0.0  # for how long it has stood alone [s]
+        self.longest = 0.0  # for which it did [s]
         self.falls = 0
         self._newest = -1.0
         self._due = time.monotonic()
@@ -251,6 +252,7 @@ class Serving:
             if self.alone == 0.0:
                 self._tell_now("it stands alone")
             self.alone += SAMPLE
+            self.longest = max(self.longest, self.alone)
 
     def _tell_now(self, line: str) -> None:
         self.tell(f"t={self.robot.time:.2f} s  {line}")
