@@ -279,7 +279,10 @@ class HumanoidDiagram(ClosedLoop):
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
             builder.AddNamedSystem("joint_drives", self._drives)
-            connect(builder, self.controller, self._drives, "actuation")
+            command = "actuation"
+            if self.controller.HasOutputPort("joint_command"):
+                command = "joint_command"
+            connect(builder, self.controller, self._drives, command)
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, self.engine.GetInputPort("actuation"))
@@ -384,9 +387,7 @@ class HumanoidDiagram(ClosedLoop):
             )
         if self._drives is not None:  # initial torques are the commanded ones
             drives_context = self._drives.GetMyMutableContextFromRoot(context)
-            torques: Any = self._drives.GetInputPort("actuation").Eval(
-                drives_context
-            )
+            torques: Any = self._drives.command(drives_context)[2]
             drives_context.SetDiscreteState(0, torques)
 
     def fall_reason(self, context: Context) -> str:

@@ -49,6 +49,7 @@ class WholeBodyModel:
         max_torque: limits (nj,) [N m].
         max_speed: limits (nj,), which may be infinite [rad/s].
         is_leg_joint: whether it is one (nj,).
+        inertia: apparent inertia of each in the air (nj,) [kg m^2].
         drives: without, torques have no speed or rate limits.
     """
 
@@ -62,6 +63,7 @@ class WholeBodyModel:
     max_torque: Array
     max_speed: Array
     is_leg_joint: NDArray[np.bool_]
+    inertia: Array
     drives: JointDriveParams | None = None
 
     @property
