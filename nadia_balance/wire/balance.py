@@ -162,9 +162,9 @@ class RobotBalance:
             torques=state.tau,
             velocity_command=velocity,
         )
-        torques = self._balance.output("actuation").copy()
-        zero = np.zeros(len(torques))
-        return JointCommand(q=state.q, dq=zero, tau=torques, kp=zero, kd=zero)
+        command = self._balance.output("joint_command").copy()
+        q, dq, tau, kp, kd = command.reshape(5, -1)
+        return JointCommand(q=q, dq=dq, tau=tau, kp=kp, kd=kd)
 
     def finish(self) -> None:
         """Makes of the last tick what its command does not need.
@@ -221,7 +221,7 @@ def _diagram(
     connect(builder, forces, controller, "foot_forces")
     connect(builder, estimator, controller, "estimated_state")
     for system, name in (
-        (controller, "actuation"),
+        (controller, "joint_command"),
         (estimator, "estimated_state"),
         (forces, "foot_forces"),
     ):

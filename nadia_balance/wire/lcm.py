@@ -9,8 +9,9 @@ the sender's number in a command.  The names are
     quaternion.w ..., gyro.x ..., force.x ..., stick.forward ..., halt
 """
 
-import math
 import os
+import select
+import socket
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -32,6 +33,8 @@ from nadia_balance.wire.messages import (
 
 STATE, COMMAND = "ROBOT_STATE", "ROBOT_COMMAND"
 GROUP, PORT = "239.255.76.67", 7667  # LCM's
+BUFFER = 1 << 21  # of the socket: half a second of messages [bytes]
+_SHORT = b"LC02"  # how a message of one datagram begins
 HEARD = 0.5  # for which a rival that was heard counts as there [s]
 _BODY = (
     *(f"quaternion.{axis}" for axis in "wxyz"),
@@ -41,26 +44,65 @@ _BODY = (
 )
 
 
-def connect(interface: str, domain: int) -> DrakeLcm:
-    """Joins the multicast group of a domain.
+class _Group:
+    """A multicast group: Drake sends to it, and a queue has what comes.
 
-    Args:
-        interface: "lo" stays on this machine; any other name lets the machine's
-            routes decide.
-        domain: that of both ends.
-
-    Returns:
-        Drake's LCM.
-
-    Raises:
-        ValueError: there is no such domain, or no multicast.
+    A subscription of Drake's keeps but one message from look to look, the
+    oldest; two or three samples come while a controller computes.
     """
-    check_number("domain", domain, least=0, most=232)
-    ttl = 0 if interface == LOOPBACK else 1
-    try:
-        return DrakeLcm(f"udpm://{GROUP}:{PORT + domain}?ttl={ttl}")
-    except RuntimeError as error:
-        raise ValueError(f"interface = {interface!r}: {error}") from None
+
+    def __init__(self, interface: str, domain: int) -> None:
+        """Joins the group.
+
+        Args:
+            interface: "lo" stays on this machine; any other name lets the
+                machine's routes decide.
+            domain: that of both ends.
+
+        Raises:
+            ValueError: there is no such domain, or no multicast.
+        """
+        check_number("domain", domain, least=0, most=232)
+        port, ttl = PORT + domain, 0 if interface == LOOPBACK else 1
+        self._queues: dict[bytes, deque[bytes]] = {}
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            for option, value in (
+                (socket.SO_REUSEADDR, 1),
+                (socket.SO_REUSEPORT, 1),
+                (socket.SO_RCVBUF, BUFFER),
+            ):
+                self._socket.setsockopt(socket.SOL_SOCKET, option, value)
+            self._socket.bind((GROUP, port))
+            member = socket.inet_aton(GROUP) + socket.inet_aton("0.0.0.0")
+            self._socket.setsockopt(
+                socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member
+            )
+            self._lcm = DrakeLcm(f"udpm://{GROUP}:{port}?ttl={ttl}")
+        except (OSError, RuntimeError) as error:
+            self.close()
+            raise ValueError(f"interface = {interface!r}: {error}") from None
+
+    def close(self) -> None:
+        """Leaves the group."""
+        self._socket.close()
+
+    def send(self, channel: str, data: bytes) -> None:
+        """Sends a message."""
+        self._lcm.Publish(channel, data)
+
+    def queue(self, channel: str) -> deque[bytes]:
+        """The messages of a channel from now on, which look() adds."""
+        return self._queues.setdefault(channel.encode(), deque(maxlen=64))
+
+    def look(self, timeout: float = 0.0) -> None:
+        """Queues what has come; waits for the first for a while [s]."""
+        while select.select([self._socket], [], [], timeout)[0]:
+            timeout = 0.0
+            datagram = self._socket.recv(1 << 16)
+            channel, _, data = datagram[8:].partition(b"\0")
+            if datagram.startswith(_SHORT) and channel in self._queues:
+                self._queues[channel].append(data)
 
 
 def _names(kinds: Sequence[str], joints: Sequence[str]) -> list[str]:
@@ -70,20 +112,20 @@ def _names(kinds: Sequence[str], joints: Sequence[str]) -> list[str]:
 class _Channel:
     """A channel of signals with fixed names."""
 
-    def __init__(self, lcm: DrakeLcm, name: str, coord: list[str]) -> None:
-        self._lcm, self._name, self._coord = lcm, name, coord
-        self._messages: deque[bytes] = deque(maxlen=64)
+    def __init__(self, group: _Group, name: str, coord: list[str]) -> None:
+        self._group, self._name, self._coord = group, name, coord
+        self._messages: deque[bytes] = deque()
 
     def subscribe(self) -> None:
         """Begins to queue messages."""
-        self._lcm.Subscribe(self._name, self._messages.append)
+        self._messages = self._group.queue(self._name)
 
     def send(self, stamp: int, values: Array) -> None:
         """Sends numbers, as many as there are names."""
         signal = lcmt_drake_signal()
         signal.dim, signal.coord = len(self._coord), self._coord
         signal.val, signal.timestamp = values.tolist(), stamp
-        self._lcm.Publish(self._name, signal.encode())
+        self._group.send(self._name, signal.encode())
 
     def take(self, timeout: float) -> tuple[int, Array] | None:
         """The next stamp and numbers, None if there are none in time.
@@ -93,7 +135,7 @@ class _Channel:
         deadline = time.monotonic() + timeout
         while not self._messages:  # messages of other channels wake it, too
             left = max(deadline - time.monotonic(), 0.0)
-            self._lcm.HandleSubscriptions(math.ceil(1e3 * left))
+            self._group.look(left)
             if left == 0.0 and not self._messages:
                 return None
         try:
@@ -109,7 +151,7 @@ class _Channel:
 
     def senders(self) -> set[int]:
         """The stamps of all messages that have come, which are taken."""
-        self._lcm.HandleSubscriptions(0)
+        self._group.look()
         # The last field of the message: decoding all of it would take longer.
         stamps = {int.from_bytes(data[-8:]) for data in self._messages}
         self._messages.clear()
@@ -126,22 +168,22 @@ class _End:
 
         Args:
             joints: names of the robot's joints (n), by their actuators.
-            interface: network interface, see connect.
+            interface: network interface, see _Group.
             domain: that of both ends.
         """
         self._n = len(joints)
-        self._lcm = connect(interface, domain)
+        self._group = _Group(interface, domain)
         self._states = _Channel(
-            self._lcm, STATE, [*_names(("q", "dq", "tau"), joints), *_BODY]
+            self._group, STATE, [*_names(("q", "dq", "tau"), joints), *_BODY]
         )
         kinds = "q", "dq", "tau", "kp", "kd"
         self._commands = _Channel(
-            self._lcm, COMMAND, [*_names(kinds, joints), "mode"]
+            self._group, COMMAND, [*_names(kinds, joints), "mode"]
         )
 
     def close(self) -> None:
         """Leaves the group: nothing is read or written after it."""
-        del self._states, self._commands, self._lcm
+        self._group.close()
 
 
 class LcmWire(_End):
@@ -154,11 +196,11 @@ class LcmWire(_End):
 
         Args:
             joints: names of the robot's joints (n), by their actuators.
-            interface: network interface, see connect.
+            interface: network interface, see _Group.
             domain: that of both ends.
 
         Raises:
-            ValueError: as connect.
+            ValueError: as _Group.
         """
         super().__init__(joints, interface, domain)
         self._states.subscribe()
@@ -227,11 +269,11 @@ class LcmRobotWire(_End):
 
         Args:
             joints: names of the robot's joints (n), by their actuators.
-            interface: network interface, see connect.
+            interface: network interface, see _Group.
             domain: that of both ends.
 
         Raises:
-            ValueError: as connect.
+            ValueError: as _Group.
         """
         super().__init__(joints, interface, domain)
         self._commands.subscribe()

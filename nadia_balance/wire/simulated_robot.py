@@ -91,7 +91,9 @@ class SimulatedRobot:
             drives.GetOutputPort("torques"),
             self._engine.GetInputPort("actuation"),
         )
-        builder.ExportInput(drives.GetInputPort("actuation"), "actuation")
+        builder.ExportInput(
+            drives.GetInputPort("joint_command"), "joint_command"
+        )
         builder.ExportInput(
             self._engine.GetInputPort("applied_spatial_force"), "forces"
         )
@@ -191,19 +193,13 @@ class SimulatedRobot:
     def _step(self, command: JointCommand) -> None:
         """Moves for a STEP."""
         context = self._simulator.get_mutable_context()
-        state = self._output("state")
-        q = state[self._joints + 1]
-        dq = state[self._nq + self._joints]
-        torques = np.zeros(len(q))
-        if command.mode is Mode.ON:
-            torques = (
-                command.tau
-                + command.kp * (command.q - q)
-                + command.kd * (command.dq - dq)
-            )
-        self._diagram.GetInputPort("actuation").FixValue(context, torques)
+        parts = command.q, command.dq, command.tau, command.kp, command.kd
+        values = np.concatenate(parts)
+        if command.mode is Mode.OFF:
+            values[:] = 0.0
+        self._diagram.GetInputPort("joint_command").FixValue(context, values)
         self._diagram.GetInputPort("forces").FixValue(
-            context, self._forces(state)
+            context, self._forces(self._output("state"))
         )
         self._simulator.AdvanceTo(context.get_time() + STEP)
 

@@ -31,7 +31,10 @@ def command(n: int = N, seed: int = 0) -> JointCommand:
 
 def numbers(message) -> dict:
     """The arrays and numbers of a message."""
-    return {name: np.asarray(value) for name, value in vars(message).items()}
+    return {
+        name: np.asarray(value, dtype=float)
+        for name, value in vars(message).items()
+    }
 
 
 class FakeBalance:
