@@ -25,7 +25,13 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     PointPairContactInfo,
 )
-from pydrake.multibody.tree import BodyIndex, Joint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    JointIndex,
+    RevoluteJoint,
+    RigidBody,
+)
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import require
@@ -91,8 +97,8 @@ class MujocoModel:
         self._plant = plant
         self._inboard = {j.child_body().index(): j for j in joints(plant)}
         # MuJoCo's names.
-        self._joint_names: dict[int, str] = {}
-        self._body_names: dict[int, str] = {}
+        self._joint_names: dict[JointIndex, str] = {}
+        self._body_names: dict[BodyIndex, str] = {}
         if mjcf is None:
             self._translate(inspector)
         else:
@@ -296,7 +302,7 @@ class MujocoModel:
         # Drake's body of each geom of MuJoCo.
         bodies = {name: body for body, name in self._body_names.items()}
         self._body_of = [
-            BodyIndex(bodies.get(model.body(i).name, 0))
+            bodies.get(model.body(i).name, BodyIndex(0))
             for i in model.geom_bodyid
         ]
 

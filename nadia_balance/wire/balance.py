@@ -12,11 +12,7 @@ from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.parameters.bounds import require
-from nadia_balance.robot.model import (
-    FALLEN_HEIGHT,
-    FALLEN_TILT,
-    RobotModel,
-)
+from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.estimation import StateEstimator
 from nadia_balance.systems.foot_forces import FootForceEstimator

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from drake import lcmt_drake_signal
+from drake import lcmt_drake_signal  # type: ignore[import-untyped]
 from pydrake.lcm import DrakeLcm
 
 from nadia_balance.core.math.arrays import Array
@@ -27,7 +27,7 @@ from nadia_balance.wire.messages import (
     LOOPBACK,
     JointCommand,
     Mode,
-    Refused,
+    RefusedError,
     RobotState,
 )
 
@@ -130,7 +130,7 @@ class _Channel:
     def take(self, timeout: float) -> tuple[int, Array] | None:
         """The next stamp and numbers, None if there are none in time.
 
-        Raises Refused: the message is broken, or has other names.
+        Raises RefusedError: the message is broken, or has other names.
         """
         deadline = time.monotonic() + timeout
         while not self._messages:  # messages of other channels wake it, too
@@ -141,9 +141,11 @@ class _Channel:
         try:
             signal = lcmt_drake_signal.decode(self._messages.popleft())
         except Exception as error:  # of struct, of text, or a ValueError
-            raise Refused(f"{self._name} is no lcmt_drake_signal") from error
+            raise RefusedError(
+                f"{self._name} is no lcmt_drake_signal"
+            ) from error
         if signal.coord != self._coord:
-            raise Refused(
+            raise RefusedError(
                 f"{self._name} has {signal.dim} numbers: must be of the "
                 f"{len(self._coord)} names of this robot"
             )
@@ -219,7 +221,7 @@ class LcmWire(_End):
             The state, None if there was none.
 
         Raises:
-            Refused: the message was not of this robot, or broken.
+            RefusedError: the message was not of this robot, or broken.
         """
         message = self._states.take(timeout)
         if message is None:
@@ -288,7 +290,7 @@ class LcmRobotWire(_End):
             The sender's number, and the command; None if there was none.
 
         Raises:
-            Refused: the message was not for this robot, or broken.
+            RefusedError: the message was not for this robot, or broken.
         """
         message = self._commands.take(timeout)
         if message is None:
@@ -296,7 +298,7 @@ class LcmRobotWire(_End):
         sender, values = message
         q, dq, tau, kp, kd = values[:-1].reshape(5, self._n)
         if values[-1] not in iter(Mode):
-            raise Refused(f"mode = {values[-1]:g}: must be 0 or 1")
+            raise RefusedError(f"mode = {values[-1]:g}: must be 0 or 1")
         return sender, JointCommand(
             q=q, dq=dq, tau=tau, kp=kp, kd=kd, mode=Mode(int(values[-1]))
         )

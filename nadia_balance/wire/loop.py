@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nadia_balance.wire.messages import Refused, Wire
+from nadia_balance.wire.messages import RefusedError, Wire
 from nadia_balance.wire.process import SILENCE, Phase, RobotProcess
 
 LISTEN = 0.3  # for rivals, before the first command [s]
@@ -93,7 +93,7 @@ def run(
         state = None
         try:
             state = wire.read(max(heard + silence - time.monotonic(), 0.0))
-        except Refused as error:
+        except RefusedError as error:
             process.refuse(str(error))
         now = time.monotonic()
         if state is not None:

@@ -1,8 +1,8 @@
 """What crosses the boundary to a robot: its state and a command for its joints.
 
-All arrays are in the order of the actuators of the robot's `control_plant`, n of
-them, in SI units.  A wire translates them into the messages of a bus; whoever
-balances the robot does not know which.
+All arrays are in the order of the n actuators of the robot's `control_plant`, in
+SI units.  A wire translates them into the messages of a bus; whoever balances
+the robot does not know which.
 """
 
 import dataclasses
@@ -109,7 +109,7 @@ def fault_of(message: RobotState | JointCommand, joints: int) -> str:
     return ""
 
 
-class Refused(ValueError):
+class RefusedError(ValueError):
     """A message that is not of this robot, or broken: one line says why."""
 
 
@@ -126,7 +126,7 @@ class Wire(Protocol):
             The state, None if there was none.
 
         Raises:
-            Refused: the message was not of this robot, or broken.
+            RefusedError: the message was not of this robot, or broken.
         """
         ...
 
@@ -165,7 +165,7 @@ class RobotWire(Protocol):
             was none.
 
         Raises:
-            Refused: the message was not for this robot, or broken.
+            RefusedError: the message was not for this robot, or broken.
         """
         ...
 

@@ -374,16 +374,21 @@ class RobotProcess:
         self._due += self._balance.period
         return np.concatenate((mean, sample.gyro))
 
+    def _asked(self, sticks: Array) -> Array:
+        """The velocity that sticks command while they are held, else our own."""
+        forward, left, turn = sticks.tolist()
+        asked = stick_command((-left, -forward, -turn), self._velocity_limits)
+        return asked if asked.any() else self.velocity
+
     def _keep_balance(self, sample: RobotState) -> None:
         """Ticks whenever a period is over."""
         imu = self._imu_of_tick(sample)
         if imu is None:
             return
-        asked = stick_command(-sample.sticks[[1, 0, 2]], self._velocity_limits)
         fall = fault = ""
         try:
             self._command = self._balance.tick(
-                imu, sample, asked if asked.any() else self.velocity
+                imu, sample, self._asked(sample.sticks)
             )
             fall = self._balance.fall_reason()
             fault = fault_of(self._command, len(self._standing))
@@ -395,7 +400,9 @@ class RobotProcess:
             self.stop(fall or fault)
 
 
-def damping(q: Array, limits: Array, time: float = DAMPING_TIME) -> JointCommand:
+def damping(
+    q: Array, limits: Array, time: float = DAMPING_TIME
+) -> JointCommand:
     """The command that lets a robot sink.
 
     Args:

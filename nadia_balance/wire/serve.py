@@ -10,7 +10,7 @@ import numpy as np
 from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.wire.messages import (
     JointCommand,
-    Refused,
+    RefusedError,
     RobotState,
     RobotWire,
     fault_of,
@@ -39,7 +39,10 @@ class BusFaults:
         0.0, least=0.0, most=10.0, unit="s", of="", doc="length of one silence"
     )
     silent_at: float = bounded(
-        1.0, least=0.0, most=1e5, doc="when it begins, after it stands alone, in s"
+        1.0,
+        least=0.0,
+        most=1e5,
+        doc="when it begins, after it stands alone, in s",
     )
 
 
@@ -225,7 +228,7 @@ class Serving:
         while True:
             try:
                 message = self.wire.read(patience)
-            except Refused as error:
+            except RefusedError as error:
                 self.listener.refuse(str(error))
                 continue
             if message is None:

@@ -1,7 +1,7 @@
 """A robot to put at the other end of a wire: an engine with drives and bus."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -67,6 +67,8 @@ class SimulatedRobot:
             f"model = {model}: must come with engine = mujoco",
         )
         builder = DiagramBuilder()
+        plant: Any
+        self._engine: Any
         if engine == "mujoco":
             self._engine, plant, _ = add_mujoco_plant(
                 builder, robot, STEP, mjcf=model
@@ -77,16 +79,16 @@ class SimulatedRobot:
         self._nq = plant.num_positions()
         self._joints = actuated_velocities(plant)
         self._pelvis = plant.GetBodyByName(robot.pelvis_body).index()
-        drives = JointDrives(plant, robot)
+        drives: Any = JointDrives(plant, robot)
         imu = Imu(robot, sensors, SAMPLE, seed)
         encoders = JointEncoders(robot, sensors, SAMPLE, seed)
-        for name, system in (
+        for name, block in (
             ("joint_drives", drives),
             ("imu", imu),
             ("joint_encoders", encoders),
         ):
-            builder.AddNamedSystem(name, system)
-            connect(builder, self._engine, system, "state")
+            builder.AddNamedSystem(name, block)
+            connect(builder, self._engine, block, "state")
         builder.Connect(
             drives.GetOutputPort("torques"),
             self._engine.GetInputPort("actuation"),
@@ -134,7 +136,7 @@ class SimulatedRobot:
     @property
     def pose(self) -> Array:
         """The true pose of the pelvis: w x y z, and p_WB (7,)."""
-        return self._output("state")[:7].copy()
+        return np.array(self._output("state")[:7])
 
     @property
     def is_down(self) -> bool:
@@ -208,15 +210,16 @@ class SimulatedRobot:
         R: Any = _rotation(state).matrix()
         arm = R @ [0.0, 0.0, ATTACK]
         w, v = state[self._nq : self._nq + 6].reshape(2, 3)
-        forces = []
+        forces, none = [], cast(Any, np.zeros(3))
         now = self._simulator.get_context().get_time()
-        pushed = self._push if now < self._push_ends - 1e-9 else np.zeros(3)
-        held = self.band.force(state[4:7] + arm, v + np.cross(w, arm))
+        pushed: Any = self._push if now < self._push_ends - 1e-9 else none
+        held: Any = self.band.force(state[4:7] + arm, v + np.cross(w, arm))
         for height, force in ((0.0, pushed), (ATTACK, held)):
             applied = ExternallyAppliedSpatialForce()
             applied.body_index = self._pelvis
-            applied.p_BoBq_B = np.array([0.0, 0.0, height])
-            applied.F_Bq_W = SpatialForce(np.zeros(3), force)
+            point: Any = [0.0, 0.0, height]
+            applied.p_BoBq_B = point
+            applied.F_Bq_W = SpatialForce(none, force)
             forces.append(applied)
         return forces
 

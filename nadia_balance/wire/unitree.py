@@ -32,16 +32,15 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
-from unitree_sdk2py.idl.unitree_hg.msg.dds_ import LowCmd_, LowState_
-from unitree_sdk2py.utils.crc import CRC
+from unitree_sdk2py.idl.unitree_hg.msg.dds_ import LowCmd_, LowState_  # type: ignore[import-untyped]
+from unitree_sdk2py.utils.crc import CRC  # type: ignore[import-untyped]
 
-from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import check_number, require
 from nadia_balance.wire.messages import (
     LOOPBACK,
     JointCommand,
     Mode,
-    Refused,
+    RefusedError,
     RobotState,
 )
 
@@ -177,14 +176,15 @@ class _Record:
     def encoded(self, record: Any) -> bytes:
         """The message of a record, with its checksum."""
         record["crc"] = self.checksum(record)
-        c, cut = record.tobytes(), self._cut
+        c: bytes = record.tobytes()
+        cut = self._cut
         return _HEADER + c[:cut] + c[cut + 2 : cut + 4] + c[cut + 6 :]
 
     def decoded(self, data: bytes) -> Any:
-        """The record () of a message; Refused: it is none."""
+        """The record () of a message; RefusedError: it is none."""
         body, cut = data[len(_HEADER) :], self._cut
         if len(body) + 4 != self._layout.itemsize:
-            raise Refused(
+            raise RefusedError(
                 f"a message of {len(body)} bytes: must be of "
                 f"{self._layout.itemsize - 4}, of {MOTORS} motors"
             )
@@ -193,13 +193,15 @@ class _Record:
         record = np.frombuffer(c, self._layout)
         # Simulators leave it 0.
         if record["crc"][0] not in (0, self.checksum(record)):
-            raise Refused(f"crc = {record['crc'][0]}: must be the checksum")
+            raise RefusedError(
+                f"crc = {record['crc'][0]}: must be the checksum"
+            )
         if record["mode_pr"][0] != 0:
-            raise Refused(
+            raise RefusedError(
                 f"mode_pr = {record['mode_pr'][0]}: must be 0, pitch and roll"
             )
         if record["mode_machine"][0] not in MACHINES:
-            raise Refused(
+            raise RefusedError(
                 f"mode_machine = {record['mode_machine'][0]}: must be one of "
                 f"{', '.join(map(str, MACHINES))}, a G1 with 29 joints"
             )
@@ -221,9 +223,7 @@ class _Reader:
     """A queue of the messages of a topic that others send."""
 
     def __init__(self, participant: Any, topic: str, kind: Any) -> None:
-        queue = Qos(
-            Policy.History.KeepLast(64), Policy.IgnoreLocal.Participant
-        )
+        queue = Qos(Policy.History.KeepLast(64), Policy.IgnoreLocal.Participant)
         self._topic = Topic(participant, topic, kind)
         self._reader = DataReader(participant, self._topic, qos=queue)
         self._topic.data_type = _Sample  # the parser
@@ -238,7 +238,8 @@ class _Reader:
         """The next message, None if there is none in time."""
         end = time.monotonic() + timeout
         while True:
-            for sample in self._reader.take(1):
+            samples: list[_Sample] = self._reader.take(1)
+            for sample in samples:
                 if sample.sample_info.valid_data:
                     return sample
             left = end - time.monotonic()
@@ -251,9 +252,7 @@ class _Writer:
     """Sends the messages of a topic."""
 
     def __init__(self, participant: Any, topic: str, kind: Any) -> None:
-        self._writer = DataWriter(
-            participant, Topic(participant, topic, kind)
-        )
+        self._writer = DataWriter(participant, Topic(participant, topic, kind))
         self._message = kind.__new__(kind)
 
     def send(self, data: bytes) -> None:
@@ -321,7 +320,7 @@ class UnitreeWire(_End):
             The state, None if there was none.
 
         Raises:
-            Refused: the message was not of this robot, or broken.
+            RefusedError: the message was not of this robot, or broken.
         """
         sample = self._states.take(timeout)
         if sample is None:
@@ -403,7 +402,7 @@ class UnitreeRobotWire(_End):
             The writer's handle, and the command; None if there was none.
 
         Raises:
-            Refused: the message was not for this robot, or broken.
+            RefusedError: the message was not for this robot, or broken.
         """
         sample = self._commands.take(timeout)
         if sample is None:
@@ -411,7 +410,7 @@ class UnitreeRobotWire(_End):
         motors = _COMMANDS.decoded(sample.data)["motor"]
         modes = {*motors["mode"][self._motors].tolist()}
         if len(modes) > 1 or not modes <= {*Mode}:
-            raise Refused(
+            raise RefusedError(
                 f"mode = {sorted(modes)}: must be 0 or 1 of all motors"
             )
         q, dq, tau, kp, kd = (

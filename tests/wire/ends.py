@@ -43,11 +43,7 @@ def assert_commands_arrive(robot, controller, n: int, tolerance: float) -> None:
 def assert_equal(heard, sent, tolerance: float) -> None:
     for name, value in numbers(sent).items():
         np.testing.assert_allclose(
-            numbers(heard)[name],
-            value,
-            rtol=tolerance,
-            atol=1e-9,
-            err_msg=name,
+            numbers(heard)[name], value, rtol=tolerance, atol=1e-9, err_msg=name
         )
 
 

@@ -9,7 +9,7 @@ import pytest
 from pydrake.lcm import DrakeLcm
 
 from nadia_balance.wire.lcm import LcmRobotWire, LcmWire
-from nadia_balance.wire.messages import Mode, Refused
+from nadia_balance.wire.messages import Mode, RefusedError
 from tests.wire import ends
 from tests.wire.examples import N, command, state
 
@@ -20,8 +20,9 @@ DOMAIN = 100 + os.getpid() % 100  # of this test alone
 @pytest.fixture
 def both():
     """The robot's end and the controller's."""
-    robot, controller = LcmRobotWire(JOINTS, domain=DOMAIN), LcmWire(
-        JOINTS, domain=DOMAIN
+    robot, controller = (
+        LcmRobotWire(JOINTS, domain=DOMAIN),
+        LcmWire(JOINTS, domain=DOMAIN),
     )
     yield robot, controller
     robot.close()
@@ -51,15 +52,17 @@ def test_refuses_what_is_not_of_this_robot(both):
     other = LcmRobotWire([*JOINTS, "toe"], domain=DOMAIN)
     other.write(state(1.0, n=4))
     other.close()
-    with pytest.raises(Refused, match="has 26 numbers: must be of the 23"):
+    with pytest.raises(RefusedError, match="has 26 numbers: must be of the 23"):
         controller.read(1.0)
     DrakeLcm(f"udpm://239.255.76.67:{7667 + DOMAIN}?ttl=0").Publish(
         "ROBOT_COMMAND", b"no message"
     )
-    with pytest.raises(Refused, match="ROBOT_COMMAND is no lcmt_drake_signal"):
+    with pytest.raises(
+        RefusedError, match="ROBOT_COMMAND is no lcmt_drake_signal"
+    ):
         robot.read(1.0)
     controller.write(replace(command(), mode=2))
-    with pytest.raises(Refused, match="mode = 2: must be 0 or 1"):
+    with pytest.raises(RefusedError, match="mode = 2: must be 0 or 1"):
         robot.read(1.0)
     controller.write(replace(command(), mode=Mode.OFF))
     assert robot.read(1.0)[1].mode is Mode.OFF

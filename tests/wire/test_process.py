@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.wire.process import Phase, RobotProcess, between
-from tests.wire.examples import (
-    LIMITS,
-    STANDING,
-    FakeBalance,
-    numbers,
-    state,
-)
+from tests.wire.examples import LIMITS, STANDING, FakeBalance, numbers, state
 
 DT = 0.002  # of the bus [s]
 VELOCITIES = np.array([[-0.2, -0.1, -0.5], [0.4, 0.1, 0.5]])

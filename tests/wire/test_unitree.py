@@ -9,7 +9,7 @@ from unitree_sdk2py.idl.unitree_hg.msg.dds_ import LowCmd_, LowState_
 from unitree_sdk2py.utils.crc import CRC
 
 from nadia_balance.wire import unitree
-from nadia_balance.wire.messages import Mode, Refused
+from nadia_balance.wire.messages import Mode, RefusedError
 from nadia_balance.wire.unitree import JOINTS, UnitreeRobotWire, UnitreeWire
 from tests.wire import ends
 from tests.wire.examples import command, state
@@ -115,7 +115,7 @@ def test_refuses_what_is_not_of_this_robot(both, fields, message):
     """A G1 with 23 joints, ankles by their motors, a bit that fell over."""
     robot, controller = both
     robot._states.send(changed(robot, **fields))
-    with pytest.raises(Refused, match=message):
+    with pytest.raises(RefusedError, match=message):
         controller.read(1.0)
 
 
@@ -139,7 +139,7 @@ def test_drives_are_on_or_off_all_together(both):
     record["mode_machine"] = 5
     record["motor"]["mode"][0, :3] = 1
     controller._commands.send(unitree._COMMANDS.encoded(record))
-    with pytest.raises(Refused, match=r"mode = \[0, 1\]: must be 0 or 1"):
+    with pytest.raises(RefusedError, match=r"mode = \[0, 1\]: must be 0 or 1"):
         robot.read(1.0)
 
 
@@ -153,11 +153,13 @@ def test_hears_who_else_commands_the_robot(both):
 
 def test_a_message_of_other_motors_has_another_size():
     """A robot of another kind has another message."""
-    with pytest.raises(Refused, match="must be of 1000, of 35 motors"):
+    with pytest.raises(RefusedError, match="must be of 1000, of 35 motors"):
         unitree._COMMANDS.decoded(bytes(4 + 972))
 
 
 def test_another_robot_has_no_such_wire():
     """Oracle: the names."""
-    with pytest.raises(ValueError, match="wire = 'unitree': must be of a robot"):
+    with pytest.raises(
+        ValueError, match="wire = 'unitree': must be of a robot"
+    ):
         UnitreeWire(["knee"])
