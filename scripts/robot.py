@@ -51,7 +51,8 @@ def _parser() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         __file__,
         __doc__,
-        "0 it stood alone, and never fell, 1 it did not, 2 bad input, 130 Ctrl-C or SIGTERM.",
+        "0 it stood alone, and never fell, 1 it did not, 2 bad input, 130 "
+        "Ctrl-C or SIGTERM.",
     )
     wire_flags(parser)
     parser.add_argument(
@@ -140,8 +141,8 @@ def _serving(args: argparse.Namespace) -> Serving:
 def _report(serving: Serving) -> list[str]:
     pose = serving.robot.pose
     return [
-        f"stood alone for {serving.longest:.2f} s, falls {serving.falls}; pelvis "
-        f"at {pose[4]:.2f} {pose[5]:.2f} {pose[6]:.2f} m",
+        f"stood alone for {serving.longest:.2f} s, falls {serving.falls}; "
+        f"pelvis at {pose[4]:.2f} {pose[5]:.2f} {pose[6]:.2f} m",
         f"samples {serving.robot.samples}: lost {serving.bus.lost}, late "
         f"{serving.bus.late}; commands refused {serving.listener.refused}",
     ]

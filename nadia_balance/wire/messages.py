@@ -1,8 +1,8 @@
-"""What crosses the boundary to a robot: its state and a command for its joints.
+"""What crosses the boundary to a robot: its state, a command for its joints.
 
-All arrays are in the order of the n actuators of the robot's `control_plant`, in
-SI units.  A wire translates them into the messages of a bus; whoever balances
-the robot does not know which.
+All arrays are in the order of the n actuators of the robot's `control_plant`,
+in SI units.  A wire translates them into the messages of a bus; whoever
+balances the robot does not know which.
 """
 
 import dataclasses

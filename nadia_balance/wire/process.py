@@ -1,4 +1,4 @@
-"""What a robot is told, sample by sample: damp, take the posture, load, balance.
+"""What a robot is told, sample by sample: damp, posture, load, balance.
 
 Neither a wire nor a clock is in here: time is that of the samples.
 """
@@ -375,7 +375,7 @@ class RobotProcess:
         return np.concatenate((mean, sample.gyro))
 
     def _asked(self, sticks: Array) -> Array:
-        """The velocity that sticks command while they are held, else our own."""
+        """The velocity that the sticks command; our own while they rest."""
         forward, left, turn = sticks.tolist()
         asked = stick_command((-left, -forward, -turn), self._velocity_limits)
         return asked if asked.any() else self.velocity

@@ -1,4 +1,4 @@
-"""Puts a SimulatedRobot at the other end of a wire, with the faults of a bus."""
+"""Puts a SimulatedRobot at the end of a wire, with the faults of a bus."""
 
 import heapq
 import time

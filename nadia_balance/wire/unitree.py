@@ -278,8 +278,8 @@ class _End:
             self._participant = DomainParticipant(domain)
         except DDSException as error:
             raise ValueError(
-                f"interface = {interface!r}, domain = {domain}: must be of this "
-                f"machine ({error.msg})"
+                f"interface = {interface!r}, domain = {domain}: must be of "
+                f"this machine ({error.msg})"
             ) from None
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What one end of Unitree's wire sends, the other one reads, as the SDK does."""
+"""What an end of Unitree's wire sends, the other one reads, as its SDK."""
 
 import os
 from dataclasses import replace
