@@ -7,16 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nadia_balance.core.plan.footstep_plan import velocity_limits
-from nadia_balance.diagrams.scenario import SENSORS, load_scenario
+from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.parameters.bounds import require
-from nadia_balance.robot.model import load_robot
-from nadia_balance.robot.params import load_sensors
-from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.scripts import command_line
 from nadia_balance.wire import keyboard, loop
-from nadia_balance.wire.balance import RobotBalance
+from nadia_balance.wire.balance import process_of
 from nadia_balance.wire.kinds import WIRES, controller_wire
 from nadia_balance.wire.messages import LOOPBACK
 from nadia_balance.wire.process import Phase, RobotProcess
@@ -40,18 +36,7 @@ def main(argv: list[str] | None = None) -> int:
         require(
             args.lockstep >= 1.0, f"lockstep = {args.lockstep}: must be >= 1"
         )
-        robot = load_robot(args.robot)
-        params = load_scenario("stand", robot=args.robot).controller
-        balance = RobotBalance(robot, params, load_sensors(args.sensors))
-        limits = velocity_limits(params.footstep_planner, robot.point_mass)
-        plant = robot.control_plant()
-        process = RobotProcess(
-            balance,
-            standing=robot.standing_positions()[actuated_velocities(plant) + 1],
-            limits=np.array(plant.GetEffortUpperLimits()),
-            velocity_limits=limits,
-            tell=command_line.say,
-        )
+        robot, process = process_of(args.robot, args.sensors, command_line.say)
         wire = controller_wire(args.wire, robot, args.interface, args.domain)
         loop.refuse_rivals(wire)
     command_line.say(f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end")
@@ -60,8 +45,7 @@ def main(argv: list[str] | None = None) -> int:
         delays = loop.run(
             wire,
             process,
-            each=_until(process, args, limits, keys, interrupted),
-            period=balance.period,
+            each=_until(process, args, keys, interrupted),
             slower=args.lockstep,
         )
         wire.close()
@@ -89,7 +73,7 @@ def _parser() -> command_line.CommandLine:
     parser.add_argument(
         "--sensors",
         choices=SENSORS[1:],
-        default="consumer",
+        default="proprioceptive",
         help="how wrong its IMU and encoders are (%(default)s)",
     )
     parser.add_argument(
@@ -144,7 +128,6 @@ def wire_flags(parser: command_line.CommandLine) -> None:
 def _until(
     process: RobotProcess,
     args: argparse.Namespace,
-    limits: np.ndarray,
     keys: Callable[[], str],
     interrupted: Callable[[], bool],
 ) -> Callable[[], bool]:
@@ -158,10 +141,12 @@ def _until(
             process.start()
         if process.phase is Phase.BALANCE:
             if args.command is not None:
-                process.velocity = np.clip(args.command, *limits)
+                process.velocity = np.clip(
+                    args.command, *process.velocity_limits
+                )
                 args.command = None
             process.velocity = keyboard.commanded(
-                process.velocity, pressed, limits
+                process.velocity, pressed, process.velocity_limits
             )
         is_over = args.duration is not None and process.time >= args.duration
         return not (interrupted() or is_over)

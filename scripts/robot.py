@@ -67,7 +67,7 @@ def _parser() -> command_line.CommandLine:
     parser.add_argument(
         "--sensors",
         choices=SENSORS[1:],
-        default="consumer",
+        default="proprioceptive",
         help="how wrong its IMU and encoders are (%(default)s)",
     )
     parser.add_argument("--seed", type=int, default=0, help="of noise and bus")

@@ -1,23 +1,36 @@
 """What balances a robot by its bus: estimators and controller, tick by tick."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from nadia_balance.balance_controller import BalanceController, ControllerParams
+from nadia_balance.balance_controller import (
+    BalanceController,
+    ControllerParams,
+    controller_params,
+)
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.parameters.bounds import require
-from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
+from nadia_balance.robot.model import (
+    FALLEN_HEIGHT,
+    FALLEN_TILT,
+    RobotModel,
+    load_robot,
+)
+from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.estimation import StateEstimator
 from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.wiring import connect
 from nadia_balance.wire.messages import JointCommand, RobotState
+from nadia_balance.wire.process import RobotProcess
 
 
 class Ticking:
@@ -188,6 +201,36 @@ class RobotBalance:
         joints = np.empty((2, self._nj))
         joints[:, self._joints] = state.q, state.dq
         return joints.ravel()
+
+
+def process_of(
+    robot: str, sensors: str, tell: Callable[[str], None] = lambda line: None
+) -> tuple[RobotModel, RobotProcess]:
+    """All that balances a robot.
+
+    Args:
+        robot: a model's name, or the path of a robot.yaml.
+        sensors: of models/sensors, how wrong its IMU and encoders are.
+        tell: takes a line for each event.
+
+    Returns:
+        The robot, and its process.
+
+    Raises:
+        ValueError: there is no such robot, or no such sensors.
+    """
+    model, params = load_robot(robot), controller_params(robot)
+    plant = model.control_plant()
+    process = RobotProcess(
+        RobotBalance(model, params, load_sensors(sensors)),
+        standing=model.standing_positions()[actuated_velocities(plant) + 1],
+        limits=np.array(plant.GetEffortUpperLimits()),
+        velocity_limits=velocity_limits(
+            params.footstep_planner, model.point_mass
+        ),
+        tell=tell,
+    )
+    return model, process
 
 
 def _diagram(

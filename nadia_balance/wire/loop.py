@@ -71,7 +71,6 @@ def run(
     wire: Wire,
     process: RobotProcess,
     each: Callable[[], bool],
-    period: float,
     slower: float = 1.0,
 ) -> Delays:
     """Reads, answers and writes until `each` says that it ends, then damps.
@@ -80,14 +79,13 @@ def run(
         wire: the controller's end.
         process: what answers.
         each: called after each answer and each silence: False ends.
-        period: of the control [s].
         slower: how much slower than real time the robot's clock may go; 1: as
             on a machine, and a controller that is SILENCE behind lets go.
 
     Returns:
         How late it was while it balanced.
     """
-    delays, heard = Delays(period), time.monotonic()
+    delays, heard = Delays(process.period), time.monotonic()
     silence = slower * SILENCE
     while each():
         state = None

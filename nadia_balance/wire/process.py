@@ -169,10 +169,11 @@ class RobotProcess:
         params: ProcessParams | None = None,
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:
-        self._params = params = params or ProcessParams()
+        self.params = params = params or ProcessParams()
         check(params)
         self._balance, self._standing = balance, standing
-        self._velocity_limits, self._tell = velocity_limits, tell
+        self.period, self.limits = balance.period, limits
+        self.velocity_limits, self._tell = velocity_limits, tell
         stiffness = limits / params.posture_angle
         self._damp = damping(standing, limits, params.damping_time)
         self._posture = replace(
@@ -192,6 +193,10 @@ class RobotProcess:
     def time(self) -> float:
         """The robot's time of the last sample, 0 before the first [s]."""
         return self._last.time if self._last else 0.0
+
+    def forget(self) -> None:
+        """Forgets the last sample: the next one may have any time."""
+        self._last = None
 
     def start(self) -> None:
         """Lets a damped robot stand up at its next sample."""
@@ -261,7 +266,7 @@ class RobotProcess:
         if gap < 0.0:
             self.stop(f"the robot's clock ran back by {-gap:.3f} s")
             self._last = None
-        elif gap > SILENCE + 0.5 * self._params.sample_period:
+        elif gap > SILENCE + 0.5 * self.params.sample_period:
             self.silent()
             self._last = None
         self._is_silent = False
@@ -288,7 +293,7 @@ class RobotProcess:
         """Counts a sample that came after a later one."""
         self.counts.late += 1
         for missing in self._missing:
-            if abs(missing - time) < 0.5 * self._params.sample_period:
+            if abs(missing - time) < 0.5 * self.params.sample_period:
                 self.counts.lost -= 1
                 self._missing.remove(missing)
                 return
@@ -299,7 +304,7 @@ class RobotProcess:
         if last is None:
             return [state]
         gap = state.time - last.time
-        steps = max(round(gap / self._params.sample_period), 1)
+        steps = max(round(gap / self.params.sample_period), 1)
         samples = [between(last, state, i / steps) for i in range(1, steps)]
         self._missing.extend(sample.time for sample in samples)
         self.counts.lost += len(samples)
@@ -330,7 +335,7 @@ class RobotProcess:
 
     def _take_posture(self, sample: RobotState) -> None:
         """Moves the joints, along a cubic from rest to rest."""
-        time = self._params.posture_time
+        time = self.params.posture_time
         s = min((sample.time - self._since) / time, 1.0)
         move = self._standing - self._from
         self._command = replace(
@@ -350,7 +355,7 @@ class RobotProcess:
         imu = self._imu_of_tick(sample)
         if imu is None:
             return
-        loads, params = self._balance.loads(imu, sample), self._params
+        loads, params = self._balance.loads(imu, sample), self.params
         if loads.sum() < params.loaded or loads.min() < params.foot_loaded:
             self._since = sample.time
         elif sample.time - self._since >= params.load_time:
@@ -367,7 +372,7 @@ class RobotProcess:
     def _imu_of_tick(self, sample: RobotState) -> Array | None:
         """The means over a period (9,) if it ends with this sample."""
         self._imus.append(np.concatenate((sample.gyro, sample.force)))
-        if sample.time < self._due - 0.5 * self._params.sample_period:
+        if sample.time < self._due - 0.5 * self.params.sample_period:
             return None
         mean = np.mean(self._imus, axis=0)
         self._imus = []
@@ -377,7 +382,7 @@ class RobotProcess:
     def _asked(self, sticks: Array) -> Array:
         """The velocity that the sticks command; our own while they rest."""
         forward, left, turn = sticks.tolist()
-        asked = stick_command((-left, -forward, -turn), self._velocity_limits)
+        asked = stick_command((-left, -forward, -turn), self.velocity_limits)
         return asked if asked.any() else self.velocity
 
     def _keep_balance(self, sample: RobotState) -> None:

@@ -187,41 +187,41 @@ class SimulatedRobot:
         is_stiff = command.mode is Mode.ON and bool(
             command.kp.any() or command.tau.any()
         )
-        self.samples += 1
-        while self._simulator.get_context().get_time() < self.time - 1e-9:
-            self.band.look(is_stiff, STEP)
-            self._step(command)
-
-    def _step(self, command: JointCommand) -> None:
-        """Moves for a STEP."""
-        context = self._simulator.get_mutable_context()
+        self.band.look(is_stiff, SAMPLE)
         parts = command.q, command.dq, command.tau, command.kp, command.kd
         values = np.concatenate(parts)
         if command.mode is Mode.OFF:
             values[:] = 0.0
-        self._diagram.GetInputPort("joint_command").FixValue(context, values)
-        self._diagram.GetInputPort("forces").FixValue(
-            context, self._forces(self._output("state"))
-        )
-        self._simulator.AdvanceTo(context.get_time() + STEP)
+        inputs = {
+            "joint_command": values,
+            "forces": self._forces(self._output("state")),
+        }
+        context = self._simulator.get_mutable_context()
+        for name, value in inputs.items():
+            self._diagram.GetInputPort(name).FixValue(context, value)
+        self.samples += 1
+        self._simulator.AdvanceTo(self.time)
 
     def _forces(self, state: Array) -> list[ExternallyAppliedSpatialForce]:
         """Band and push, on the pelvis."""
-        R: Any = _rotation(state).matrix()
-        arm = R @ [0.0, 0.0, ATTACK]
-        w, v = state[self._nq : self._nq + 6].reshape(2, 3)
-        forces, none = [], cast(Any, np.zeros(3))
-        now = self._simulator.get_context().get_time()
-        pushed: Any = self._push if now < self._push_ends - 1e-9 else none
-        held: Any = self.band.force(state[4:7] + arm, v + np.cross(w, arm))
-        for height, force in ((0.0, pushed), (ATTACK, held)):
-            applied = ExternallyAppliedSpatialForce()
-            applied.body_index = self._pelvis
-            point: Any = [0.0, 0.0, height]
-            applied.p_BoBq_B = point
-            applied.F_Bq_W = SpatialForce(none, force)
-            forces.append(applied)
+        forces = []
+        if self.time < self._push_ends - 1e-9:
+            forces.append(self._force(0.0, self._push))
+        if not self.band.is_slack:
+            arm = _rotation(state) @ np.array([0.0, 0.0, ATTACK])
+            w, v = state[self._nq : self._nq + 6].reshape(2, 3)
+            held = self.band.force(state[4:7] + arm, v + np.cross(w, arm))
+            forces.append(self._force(ATTACK, held))
         return forces
+
+    def _force(self, z: float, force: Array) -> ExternallyAppliedSpatialForce:
+        """A force on the z axis of the pelvis."""
+        point: Any = [0.0, 0.0, z]
+        applied = ExternallyAppliedSpatialForce()
+        applied.body_index = self._pelvis
+        applied.p_BoBq_B = point
+        applied.F_Bq_W = SpatialForce(cast(Any, np.zeros(3)), cast(Any, force))
+        return applied
 
     def _output(self, name: str) -> Any:
         context = self._simulator.get_context()

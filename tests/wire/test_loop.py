@@ -57,7 +57,7 @@ def ran(monkeypatch, script, slower=1.0, rival_after=None):
         )
         return bool(wire.script)
 
-    delays = loop.run(wire, process, each, period=0.004, slower=slower)
+    delays = loop.run(wire, process, each, slower=slower)
     return wire, process, delays, lines
 
 
