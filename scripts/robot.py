@@ -80,7 +80,6 @@ def _parser() -> command_line.CommandLine:
         "--push",
         type=command_line.velocity,
         action="append",
-        default=[],
         metavar="P",
         help="when, after it stands alone [s], how strong [m/s], and where to "
         '[deg, 90 left], such as "2.0 0.5 90"; more than once',
@@ -131,7 +130,7 @@ def _serving(args: argparse.Namespace) -> Serving:
         robot_wire(args.wire, robot, args.interface, args.domain),
         damping=damping(np.zeros(len(joint_names(robot))), limits),
         faults=faults,
-        pushes=args.push,
+        pushes=args.push or [],
         sticks=args.sticks,
         slower=args.lockstep,
         tell=command_line.say,
