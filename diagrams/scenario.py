@@ -52,7 +52,7 @@ STANDING = "standing"  # of set_push: with no steps at all, at STANDING_AT
 STANDING_AT = "1 s"
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
-SENSORS = ("perfect", "industrial", "consumer")
+SENSORS = ("perfect", "industrial", "consumer", "proprioceptive")
 
 
 @parameters

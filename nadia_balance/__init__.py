@@ -74,6 +74,9 @@ if TYPE_CHECKING:
         IcpStepController as IcpStepController,
     )
     from nadia_balance.systems.feedback import MomentumQp as MomentumQp
+    from nadia_balance.systems.foot_forces import (
+        FootForceEstimator as FootForceEstimator,
+    )
     from nadia_balance.systems.hardware import (
         FootForceSensor as FootForceSensor,
     )
@@ -128,6 +131,7 @@ _MODULES = {
     "ControllerParams": "balance_controller",
     "DaqpSolver": "core.math.daqp_solver",
     "FixedFootsteps": "systems.plan",
+    "FootForceEstimator": "systems.foot_forces",
     "FootForceSensor": "systems.hardware",
     "FootPose": "core.walking.state",
     "FootPoses": "core.walking.state",

@@ -65,6 +65,7 @@ FEEDTHROUGH = {
     ),
     "ContactClock": {"walking_state": ""},  # one tick late
     "ComHeightController": {"momentum_rate": HEIGHT_CONTROL},
+    "FootForceEstimator": {"foot_forces": "imu joints torques"},
     "FootForceSensor": {"foot_forces": "", "step_forces": ""},  # held
     "FixedFootsteps": FOOTSTEPS,
     "FootstepPlanner": FOOTSTEPS,

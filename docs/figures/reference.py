@@ -44,6 +44,8 @@ SCRIPTS = (
     "new_robot",
     "benchmark",
     "export_mcap",
+    "control",
+    "robot",
 )
 # Entries of summary.json: unit, and what it is.
 SUMMARY = {

@@ -49,6 +49,8 @@ from nadia_balance.robot.urdf import (
 # realistic: limits of a real robot.  ideal: full torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.
 FIDELITIES = ("realistic", "ideal")
+FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
+FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 
 
 class RobotModel:

@@ -29,14 +29,18 @@ SLIP = 0.1
 class JointDrives(Block):
     """Filters the commanded torques: lag, torque-speed limits, friction.
 
-    `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
-    those of the motors, which follow with a first-order lag within the
-    torque-speed limits; `joint_torques` (nu,) [N m] are what friction leaves,
-    torques - friction tanh(qd / SLIP) - damping qd.  All are in the order of
-    the plant's actuators; `state` is [q, v] of the plant.  The discrete state
-    is these outputs, 0 at the start, and the last command with the number of
-    steps that it still holds; it is updated in every step of the plant, so
-    that a command acts one step late.
+        u = tau + kp (q_d - q) + kd (v_d - v)
+
+    is commanded in every step of the plant by a `joint_command` (5 nu,), [q_d,
+    v_d, tau, kp, kd] in [rad, s, N m], or tau alone by an `actuation` (nu,) [N
+    m], one of which is connected.  `torques` (nu,) [N m], those of the motors,
+    follow with a first-order lag within the torque-speed limits;
+    `joint_torques` (nu,) [N m] are what friction leaves of them, torques -
+    friction tanh(v / SLIP) - damping v.  All are in the order of the plant's
+    actuators; `state` is [q, v] of the plant: a drive knows its joint without
+    noise.  The discrete state is these outputs, 0 at the start, and the last
+    command with the number of steps that it still holds; it is updated in every
+    step of the plant, so that a command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
@@ -51,7 +55,7 @@ class JointDrives(Block):
     .. pydrake_system::
 
         name: JointDrives
-        input_ports: [actuation, state]
+        input_ports: [actuation, joint_command, state]
         output_ports: [torques, joint_torques]
     """
 
@@ -65,6 +69,8 @@ class JointDrives(Block):
         self._later = whole_ticks("period", period or step, step) - 1.0
         velocities = actuated_velocities(plant)
         self._speeds = plant.num_positions() + velocities
+        # The base has a quaternion, one number more than it has velocities.
+        self._joints = np.concatenate((velocities + 1, self._speeds))
         self._max_torques: Any = plant.GetEffortUpperLimits()
         self._max_speeds = robot.max_joint_speeds[velocities - 6]
         self._corner_speed = robot.corner_speeds[velocities - 6]
@@ -82,12 +88,15 @@ class JointDrives(Block):
         if friction.any() or damping.any():
             self._friction = np.stack((friction, damping))
         self._actuation = input_port(self, "actuation", velocities.size)
+        self._command = input_port(self, "joint_command", 5 * velocities.size)
+        self._command_port = self.GetInputPort("joint_command")
         self._state = input_port(self, "state", plant.num_multibody_states())
         self.DeclareStateOutputPort(
             "torques", self.DeclareDiscreteState(velocities.size)
         )
-        # The last command, and for how many more steps it holds.
-        self.DeclareDiscreteState(velocities.size + 1)
+        # Of the last command the torques at [q, v] = 0 and the gains, and for
+        # how many more steps it holds.
+        self.DeclareDiscreteState(3 * velocities.size + 1)
         self.DeclareStateOutputPort(
             "joint_torques", self.DeclareDiscreteState(velocities.size)
         )
@@ -101,11 +110,16 @@ class JointDrives(Block):
         if held[-1] > 0.0:
             held[-1] -= 1.0
         else:
-            held[:-1] = self._actuation(context)
+            q, v, tau, kp, kd = self.command(context)
+            held[: tau.size] = tau + kp * q + kd * v
+            held[tau.size : -1] = np.concatenate((kp, kd))
             held[-1] = self._later
         state = self._state(context)
         lower, upper = self._limits(state)
-        following = torques + self._share * (held[:-1] - torques)
+        n = torques.size
+        back = held[n:-1] * state[self._joints]
+        commanded = held[:n] - back[:n] - back[n:]
+        following = torques + self._share * (commanded - torques)
         np.maximum(np.minimum(following, upper), lower, out=torques)
         remaining: Any = new.get_mutable_value(2)
         remaining[:] = torques
@@ -113,6 +127,21 @@ class JointDrives(Block):
             speeds = state[self._speeds]
             friction, damping = self._friction
             remaining -= friction * np.tanh(speeds / SLIP) + damping * speeds
+
+    def command(self, context: Context) -> Array:
+        """The joint command now, that of `actuation` with gains of 0.
+
+        Args:
+            context: that of this block.
+
+        Returns:
+            [q_d, v_d, tau, kp, kd] (5, nu).
+        """
+        if self._command_port.HasValue(context):
+            return np.reshape(self._command(context), (5, -1))
+        command = np.zeros((5, self._max_torques.size))
+        command[2] = self._actuation(context)
+        return command
 
     def _limits(self, state: Array) -> Any:
         """The least and the largest torques (nu) [N m] in the state."""

@@ -1,0 +1,94 @@
+"""The wires by their names."""
+
+from nadia_balance.parameters.bounds import require
+from nadia_balance.robot.model import RobotModel
+from nadia_balance.robot.plants import actuators
+from nadia_balance.wire.lcm import LcmRobotWire, LcmWire
+from nadia_balance.wire.messages import LOOPBACK, RobotWire, Wire
+
+WIRES = "lcm", "unitree"
+
+
+def joint_names(robot: RobotModel) -> list[str]:
+    """The joints of a robot in the order of its messages.
+
+    Args:
+        robot: the robot.
+
+    Returns:
+        Their names, by their actuators.
+    """
+    return [one.joint().name() for one in actuators(robot.control_plant())]
+
+
+def controller_wire(
+    kind: str, robot: RobotModel, interface: str = LOOPBACK, domain: int = 1
+) -> Wire:
+    """The controller's end of a wire.
+
+    Args:
+        kind: one of WIRES.
+        robot: that is controlled.
+        interface: network interface; LOOPBACK stays on this machine.
+        domain: that of both ends; Unitree's robots have 0.
+
+    Returns:
+        The end, connected.
+
+    Raises:
+        ValueError: there is no such wire, robot, interface or domain, or its
+            package is missing.
+    """
+    joints = joint_names(robot)
+    if _is_lcm(kind):
+        return LcmWire(joints, interface, domain)
+    try:
+        from nadia_balance.wire.unitree import UnitreeWire
+    except ModuleNotFoundError as error:
+        raise _missing(error) from None
+    return UnitreeWire(joints, interface, domain)
+
+
+def robot_wire(
+    kind: str, robot: RobotModel, interface: str = LOOPBACK, domain: int = 1
+) -> RobotWire:
+    """The robot's end of a wire, as controller_wire.
+
+    Args:
+        kind: one of WIRES.
+        robot: that is controlled.
+        interface: network interface; LOOPBACK stays on this machine.
+        domain: that of both ends.
+
+    Returns:
+        The end, connected.
+
+    Raises:
+        ValueError: as controller_wire.
+    """
+    joints = joint_names(robot)
+    if _is_lcm(kind):
+        return LcmRobotWire(joints, interface, domain)
+    try:
+        from nadia_balance.wire.unitree import UnitreeRobotWire
+    except ModuleNotFoundError as error:
+        raise _missing(error) from None
+    return UnitreeRobotWire(joints, interface, domain)
+
+
+def _is_lcm(kind: str) -> bool:
+    """Whether it is LCM; ValueError: it is no wire."""
+    require(
+        kind in WIRES, f"wire = {kind!r}: must be one of {', '.join(WIRES)}"
+    )
+    return kind == "lcm"
+
+
+def _missing(error: ModuleNotFoundError) -> Exception:
+    """What to install; the error itself, if that is not the reason."""
+    if error.name not in ("cyclonedds", "unitree_sdk2py"):
+        return error
+    return ValueError(
+        "wire = 'unitree': must have its packages: "
+        "pip install cyclonedds unitree-sdk2py-dimos"
+    )
