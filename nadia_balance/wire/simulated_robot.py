@@ -90,7 +90,7 @@ class SimulatedRobot:
             builder.AddNamedSystem(name, block)
             connect(builder, self._engine, block, "state")
         builder.Connect(
-            drives.GetOutputPort("torques"),
+            drives.GetOutputPort("joint_torques"),
             self._engine.GetInputPort("actuation"),
         )
         builder.ExportInput(
