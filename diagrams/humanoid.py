@@ -275,7 +275,6 @@ class HumanoidDiagram(ClosedLoop):
     def _drive(self, builder: DiagramBuilder) -> None:
         """Connects the commanded torques to the engine, through its drives."""
         self._torques = self.controller.GetOutputPort("actuation")
-        joint_torques = self._torques
         self._drives = None
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
@@ -286,8 +285,7 @@ class HumanoidDiagram(ClosedLoop):
             connect(builder, self.controller, self._drives, command)
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
-            joint_torques = self._drives.GetOutputPort("joint_torques")
-        builder.Connect(joint_torques, self.engine.GetInputPort("actuation"))
+        builder.Connect(self._torques, self.engine.GetInputPort("actuation"))
 
     def _sense(self, builder: DiagramBuilder) -> None:
         """Connects the controller's inputs to the measured signals."""
@@ -390,8 +388,7 @@ class HumanoidDiagram(ClosedLoop):
         if self._drives is not None:  # initial torques are the commanded ones
             drives_context = self._drives.GetMyMutableContextFromRoot(context)
             torques: Any = self._drives.command(drives_context)[2]
-            for state in (0, 2):  # of motors, and of joints
-                drives_context.SetDiscreteState(state, torques)
+            drives_context.SetDiscreteState(0, torques)
 
     def fall_reason(self, context: Context) -> str:
         """Returns the criterion by which the robot has fallen.

@@ -79,7 +79,9 @@ class RobotModel:
         self.drives = params.drives
         self.motors = {
             joint: motor
-            for motor in (params.drives.motors.values() if params.drives else ())
+            for motor in (
+                params.drives.motors.values() if params.drives else ()
+            )
             for joint in motor.joints
         }
         self.pelvis_body = params.pelvis_body
@@ -119,34 +121,19 @@ class RobotModel:
             np.isfinite(speeds), speeds, self.params.max_joint_speed
         )
 
-    def motor_values(self, field: str, others: float) -> Array:
-        """A field of MotorParams for each joint.
-
-        Args:
-            field: its name.
-            others: value of joints whose motor does not give it.
-
-        Returns:
-            Values (nj,), in the order of v.
-        """
-        values = np.full(self.max_joint_speeds.size, others)
-        for drive in actuators(self.control_plant()):
-            joint = drive.joint()
-            motor = self.motors.get(joint.name())
-            value = None if motor is None else getattr(motor, field)
-            if value is not None:
-                values[joint.velocity_start() - 6] = value
-        return values
-
     @cached_property
     def corner_speeds(self) -> Array:
         """Shares (nj,) of the speed limits with the full torque [-].
 
         Ideal drives have it at any speed: 1.
         """
-        if self.drives is None:
-            return np.ones(self.max_joint_speeds.size)
-        return self.motor_values("corner_speed", self.drives.corner_speed)
+        others = 1.0 if self.drives is None else self.drives.corner_speed
+        corners = np.full(self.max_joint_speeds.size, others)
+        for drive in actuators(self.control_plant()):
+            motor = self.motors.get(drive.joint().name())
+            if motor is not None and motor.corner_speed is not None:
+                corners[drive.joint().velocity_start() - 6] = motor.corner_speed
+        return corners
 
     @cached_property
     def point_mass(self) -> PointMassModel:

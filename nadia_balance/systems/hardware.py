@@ -21,26 +21,20 @@ from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import Block, Input, input_port
 
-# Speed [rad/s] of a joint at which its dry friction is nearly whole: that of a
-# joint at rest would be a constraint.
-SLIP = 0.1
-
 
 class JointDrives(Block):
-    """Filters the commanded torques: lag, torque-speed limits, friction.
+    """Filters the commanded torques: first-order lag, torque-speed limits.
 
         u = tau + kp (q_d - q) + kd (v_d - v)
 
     is commanded in every step of the plant by a `joint_command` (5 nu,), [q_d,
     v_d, tau, kp, kd] in [rad, s, N m], or tau alone by an `actuation` (nu,) [N
-    m], one of which is connected.  `torques` (nu,) [N m], those of the motors,
-    follow with a first-order lag within the torque-speed limits;
-    `joint_torques` (nu,) [N m] are what friction leaves of them, torques -
-    friction tanh(v / SLIP) - damping v.  All are in the order of the plant's
-    actuators; `state` is [q, v] of the plant: a drive knows its joint without
-    noise.  The discrete state is these outputs, 0 at the start, and the last
-    command with the number of steps that it still holds; it is updated in every
-    step of the plant, so that a command acts one step late.
+    m], one of which is connected; `torques` (nu,) [N m] are those that act.
+    All are in the order of the plant's actuators; `state` is [q, v] of the
+    plant: a drive knows its joint without noise.  The discrete state is
+    `torques`, 0 at the start, and the last command with the number of steps
+    that it still holds; it is updated in every step of the plant, so that a
+    command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
@@ -56,7 +50,7 @@ class JointDrives(Block):
 
         name: JointDrives
         input_ports: [actuation, joint_command, state]
-        output_ports: [torques, joint_torques]
+        output_ports: [torques]
     """
 
     def __init__(
@@ -82,11 +76,6 @@ class JointDrives(Block):
         )
         self._full: Any = np.negative(self._max_torques), self._max_torques
         self._share = lag_share(robot.drives.bandwidth, step)
-        friction = robot.motor_values("friction", 0.0)[velocities - 6]
-        damping = robot.motor_values("damping", 0.0)[velocities - 6]
-        self._friction: Array | None = None
-        if friction.any() or damping.any():
-            self._friction = np.stack((friction, damping))
         self._actuation = input_port(self, "actuation", velocities.size)
         self._command = input_port(self, "joint_command", 5 * velocities.size)
         self._command_port = self.GetInputPort("joint_command")
@@ -97,9 +86,6 @@ class JointDrives(Block):
         # Of the last command the torques at [q, v] = 0 and the gains, and for
         # how many more steps it holds.
         self.DeclareDiscreteState(3 * velocities.size + 1)
-        self.DeclareStateOutputPort(
-            "joint_torques", self.DeclareDiscreteState(velocities.size)
-        )
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
@@ -121,12 +107,6 @@ class JointDrives(Block):
         commanded = held[:n] - back[:n] - back[n:]
         following = torques + self._share * (commanded - torques)
         np.maximum(np.minimum(following, upper), lower, out=torques)
-        remaining: Any = new.get_mutable_value(2)
-        remaining[:] = torques
-        if self._friction is not None:
-            speeds = state[self._speeds]
-            friction, damping = self._friction
-            remaining -= friction * np.tanh(speeds / SLIP) + damping * speeds
 
     def command(self, context: Context) -> Array:
         """The joint command now, that of `actuation` with gains of 0.

@@ -90,7 +90,7 @@ class SimulatedRobot:
             builder.AddNamedSystem(name, block)
             connect(builder, self._engine, block, "state")
         builder.Connect(
-            drives.GetOutputPort("joint_torques"),
+            drives.GetOutputPort("torques"),
             self._engine.GetInputPort("actuation"),
         )
         builder.ExportInput(

@@ -78,9 +78,7 @@ def test_a_robot_of_the_package_that_has_changed_is_read(copy, monkeypatch):
         assert params.drives.motors["ankle_y"].max_torque == old
         params.drives.motors.clear()
         assert model.load_robot_params("own")[0].drives.motors
-        change(
-            copy / "robot.yaml", f"max_torque: {old}", f"max_torque: {new}"
-        )
+        change(copy / "robot.yaml", f"max_torque: {old}", f"max_torque: {new}")
 
 
 @pytest.mark.parametrize("strength", [0.99, 1.01])

@@ -115,12 +115,6 @@ class MotorParams:
         below=1.0,
         doc="share of the speed limit with the full torque; null: of `drives`",
     )
-    friction: float = bounded(
-        0.0, least=0.0, unit="N m", doc="dry friction of motor and gear"
-    )
-    damping: float = bounded(
-        0.0, least=0.0, unit="N m s", doc="viscous friction of motor and gear"
-    )
 
 
 @parameters
