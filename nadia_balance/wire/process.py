@@ -186,13 +186,14 @@ class RobotProcess:
         self._starts = False
         self._is_silent = False
         self._last: RobotState | None = None
+        self._time = 0.0
         self._missing: deque[float] = deque(maxlen=64)  # times of samples
         self._reasons: set[str] = set()
 
     @property
     def time(self) -> float:
-        """The robot's time of the last sample, 0 before the first [s]."""
-        return self._last.time if self._last else 0.0
+        """The robot's time by its last sample, 0 before the first [s]."""
+        return self._time
 
     def forget(self) -> None:
         """Forgets the last sample: the next one may have any time."""
@@ -263,6 +264,7 @@ class RobotProcess:
             self._hear_late(state.time)
             return None
         self.counts.samples += 1
+        self._time = state.time
         if gap < 0.0:
             self.stop(f"the robot's clock ran back by {-gap:.3f} s")
             self._last = None

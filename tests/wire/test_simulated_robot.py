@@ -14,7 +14,7 @@ from nadia_balance.wire.messages import JointCommand, Mode
 from nadia_balance.wire.simulated_robot import SimulatedRobot
 
 ZERO = np.zeros(29)
-STIFF = JointCommand(q=ZERO, dq=ZERO, tau=ZERO, kp=ZERO + 40.0, kd=ZERO + 1.0)
+STIFF = JointCommand(ZERO, ZERO, ZERO, kp=ZERO + 200.0, kd=ZERO + 4.0)
 TURNED = SensorParams(imu_rpy_deg=[0.0, 0.0, 90.0])
 
 
@@ -40,7 +40,7 @@ def test_hangs_at_rest_and_says_so(engine):
     np.testing.assert_allclose(state.dq, 0.0, atol=0.1)
     half = np.sqrt(0.5)
     np.testing.assert_allclose(state.quaternion, [half, 0, 0, half], atol=0.05)
-    np.testing.assert_allclose(state.tau, -40.0 * state.q, atol=0.1)
+    np.testing.assert_allclose(state.tau, -200.0 * state.q, atol=0.3)
     assert np.abs(state.tau).max() > 1.0  # of the arms, which are heavy
 
 
