@@ -6,7 +6,7 @@ import pytest
 from nadia_balance.wire import loop
 from nadia_balance.wire.messages import RefusedError
 from nadia_balance.wire.process import Phase, RobotProcess
-from tests.wire.examples import LIMITS, STANDING, FakeBalance, state
+from tests.wire.examples import BEARS, LIMITS, STANDING, FakeBalance, state
 
 DT = 0.002
 
@@ -47,7 +47,7 @@ def ran(monkeypatch, script, slower=1.0, rival_after=None):
     balance = FakeBalance()
     balance.shares = np.array([0.5, 0.5])
     process = RobotProcess(
-        balance, STANDING, LIMITS, np.ones((2, 3)), tell=lines.append
+        balance, STANDING, LIMITS, BEARS, np.ones((2, 3)), tell=lines.append
     )
     process.start()
 
