@@ -11,6 +11,7 @@ from enum import Enum
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import bounded, check, parameters
@@ -169,7 +170,7 @@ class RobotProcess:
         balance: Balance,
         standing: Array,
         limits: Array,
-        bears: Array,
+        bears: NDArray[np.bool_],
         velocity_limits: Array,
         params: ProcessParams | None = None,
         tell: Callable[[str], None] = lambda line: None,
