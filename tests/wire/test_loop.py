@@ -115,7 +115,7 @@ def test_lets_go_when_someone_else_commands(monkeypatch):
     """Two who balance one robot do not."""
     _, process, _, lines = ran(monkeypatch, samples(1500), rival_after=20)
     assert process.counts.ticks < 30
-    assert lines[-1].endswith("another controller commands this robot")
+    assert lines[-1].endswith("another controller commands it")
 
 
 def test_does_not_begin_where_someone_else_commands(monkeypatch):
