@@ -22,7 +22,7 @@ from nadia_balance.core.estimation.invariant_ekf import (
     gammas,
     skew,
 )
-from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.estimation.sensors import SAMPLE, SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.robot.model import RobotModel
@@ -33,7 +33,6 @@ from nadia_balance.systems.ports import (
     input_port,
 )
 
-SAMPLE = 0.001  # of the gyro's latest rate [s]
 _G = np.array([0.0, 0.0, -GRAVITY])
 FILTERS: dict[str, type[InvariantEkf | Complementary]] = {
     "invariant": InvariantEkf,
