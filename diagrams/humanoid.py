@@ -130,6 +130,7 @@ class HumanoidDiagram(ClosedLoop):
                 start=start,
                 ground=model.ground,
                 delay=scenario.delay,
+                sensors=self._sensors,
                 **blocks,
             )
         else:

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from nadia_balance.core.body.com_height import ComHeightParams
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
@@ -344,6 +345,8 @@ class BalanceController(Diagram):
         start: walking state at the start, by default standing.
         ground: model of the ground; None: flat.
         delay: of the measurements [s], a multiple of the control period.
+        sensors: whose noise is filtered, while the drives hold the joints
+            by the robot's `impedance`; None: no noise, and torques alone.
         tasks: tasks that are added to those of the whole-body QP.
         **blocks: replace these blocks, and those of the CapturePointController,
             by name; None leaves one out.
@@ -394,6 +397,7 @@ class BalanceController(Diagram):
         start: WalkingState | None = None,
         ground: Ground | None = None,
         delay: float = 0.0,
+        sensors: SensorParams | None = None,
         tasks: Iterable[Task] = (),
         **blocks: System | None,
     ) -> None:
@@ -421,7 +425,7 @@ class BalanceController(Diagram):
         planners = {name: blocks.pop(name) for name in inner if name in blocks}
         makers: dict[str, Callable[[], System]] = {
             "state_predictor": lambda: StatePredictor(
-                robot, period, delay=delay, lead=lead
+                robot, period, delay=delay, lead=lead, sensors=sensors
             ),
             "centroidal_estimator": lambda: CentroidalEstimator(
                 robot, params.whole_body.avoidance, lead
@@ -436,7 +440,11 @@ class BalanceController(Diagram):
                 params.whole_body, model, period
             ),
             "whole_body_inverse_dynamics": lambda: WholeBodyInverseDynamics(
-                params.whole_body, robot, period, tasks=tasks
+                params.whole_body,
+                robot,
+                period,
+                tasks=tasks,
+                impedance=robot.params.impedance if sensors else None,
             ),
         }
         builder = DiagramBuilder()

@@ -8,7 +8,7 @@ import numpy as np
 
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import until_ctrl_c
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import check, require
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
@@ -115,6 +115,7 @@ def _serving(args: argparse.Namespace) -> Serving:
     for name in names:
         if getattr(args, name) is not None:
             setattr(faults, name, getattr(args, name))
+    check(faults)  # before anything is opened
     robot = load_robot(args.robot)
     limits = np.array(robot.control_plant().GetEffortUpperLimits())
     simulated = SimulatedRobot(

@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.model import JointImpedanceParams, PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import USUAL
@@ -59,6 +59,7 @@ class WholeBodyInverseDynamics(Block):
         robot: robot whose joints are driven.
         period: control period [s].
         tasks: tasks that are added to those of the QP (see Task).
+        impedance: that of the joint command; None: torques alone.
 
     .. pydrake_system::
 
@@ -76,6 +77,7 @@ class WholeBodyInverseDynamics(Block):
         robot: RobotModel,
         period: float,
         tasks: Iterable[Task] = (),
+        impedance: JointImpedanceParams | None = None,
     ) -> None:
         super().__init__()
         plant, tasks = robot.control_plant(), tuple(tasks)
@@ -85,8 +87,8 @@ class WholeBodyInverseDynamics(Block):
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
         inertia = self._model.inertia[self._joint_of_actuator]
-        self._kp = inertia * params.impedance.stiffness**2
-        self._kd = inertia * params.impedance.damping
+        self._kp = inertia * (impedance.stiffness**2 if impedance else 0.0)
+        self._kd = inertia * (impedance.damping if impedance else 0.0)
         self._half = 0.5 * period
         self._lag = robot.drives.lag if robot.drives else 0.0
         self._terms = input_port(self, "whole_body_terms")

@@ -25,7 +25,7 @@ from nadia_balance.robot.model import (
     load_robot,
 )
 from nadia_balance.robot.params import load_sensors
-from nadia_balance.robot.plants import actuated_velocities
+from nadia_balance.robot.plants import actuated_velocities, joints_above
 from nadia_balance.systems.estimation import StateEstimator
 from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.wiring import connect
@@ -221,10 +221,16 @@ def process_of(
     """
     model, params = load_robot(robot), controller_params(robot)
     plant = model.control_plant()
+    bearing = {
+        joint.velocity_start()
+        for body in (*model.foot_bodies.values(), model.torso_body)
+        for joint in joints_above(plant, body)
+    }
     process = RobotProcess(
         RobotBalance(model, params, load_sensors(sensors)),
         standing=model.standing_positions()[actuated_velocities(plant) + 1],
         limits=np.array(plant.GetEffortUpperLimits()),
+        bears=np.isin(actuated_velocities(plant), [*bearing]),
         velocity_limits=velocity_limits(
             params.footstep_planner, model.point_mass
         ),
@@ -243,9 +249,7 @@ def _diagram(
     period = params.control_period
     controller = BalanceController(params, robot, delay=delay)
     forces = FootForceEstimator(robot, sensors, period)
-    estimator = StateEstimator(
-        robot, sensors, period, robot.standing_positions(), 0.0
-    )
+    estimator = StateEstimator(robot, sensors, period, None, 0.0)
     builder = DiagramBuilder()
     builder.AddNamedSystem("balance_controller", controller)
     builder.AddNamedSystem("foot_force_estimator", forces)

@@ -1,5 +1,7 @@
 """The wires by their names."""
 
+from collections.abc import Callable
+
 from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuators
@@ -39,14 +41,8 @@ def controller_wire(
         ValueError: there is no such wire, robot, interface or domain, or its
             package is missing.
     """
-    joints = joint_names(robot)
-    if _is_lcm(kind):
-        return LcmWire(joints, interface, domain)
-    try:
-        from nadia_balance.wire.unitree import UnitreeWire
-    except ModuleNotFoundError as error:
-        raise _missing(error) from None
-    return UnitreeWire(joints, interface, domain)
+    controller, _ = _ends(kind)
+    return controller(joint_names(robot), interface, domain)
 
 
 def robot_wire(
@@ -66,29 +62,24 @@ def robot_wire(
     Raises:
         ValueError: as controller_wire.
     """
-    joints = joint_names(robot)
-    if _is_lcm(kind):
-        return LcmRobotWire(joints, interface, domain)
-    try:
-        from nadia_balance.wire.unitree import UnitreeRobotWire
-    except ModuleNotFoundError as error:
-        raise _missing(error) from None
-    return UnitreeRobotWire(joints, interface, domain)
+    _, end = _ends(kind)
+    return end(joint_names(robot), interface, domain)
 
 
-def _is_lcm(kind: str) -> bool:
-    """Whether it is LCM; ValueError: it is no wire."""
+def _ends(kind: str) -> tuple[Callable[..., Wire], Callable[..., RobotWire]]:
+    """The classes of both ends; ValueError: no such wire, or no package."""
     require(
         kind in WIRES, f"wire = {kind!r}: must be one of {', '.join(WIRES)}"
     )
-    return kind == "lcm"
-
-
-def _missing(error: ModuleNotFoundError) -> Exception:
-    """What to install; the error itself, if that is not the reason."""
-    if error.name not in ("cyclonedds", "unitree_sdk2py"):
-        return error
-    return ValueError(
-        "wire = 'unitree': must have its packages: "
-        "pip install cyclonedds unitree-sdk2py-dimos"
-    )
+    if kind == "lcm":
+        return LcmWire, LcmRobotWire
+    try:
+        from nadia_balance.wire import unitree
+    except ModuleNotFoundError as error:
+        if error.name not in ("cyclonedds", "unitree_sdk2py"):
+            raise
+        raise ValueError(
+            "wire = 'unitree': must have its packages: "
+            "pip install cyclonedds unitree-sdk2py-dimos"
+        ) from None
+    return unitree.UnitreeWire, unitree.UnitreeRobotWire

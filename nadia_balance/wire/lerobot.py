@@ -47,8 +47,7 @@ class LeRobotController:
     ) -> None:
         model, self._process = process_of(robot, sensors, tell)
         self.control_dt = self._process.period
-        limits = self._process.limits
-        self.kp = limits / self._process.params.posture_angle
+        limits, self.kp = self._process.limits, self._process.stiffness
         self.kd = self.kp * self._process.params.posture_damping
         self._damping = damping(np.zeros(len(limits)), limits)
         self._keys = [lerobot_name(joint) for joint in joint_names(model)]

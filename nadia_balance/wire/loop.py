@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nadia_balance.wire.messages import RefusedError, Wire
+from nadia_balance.wire.messages import JointCommand, RefusedError, Wire
 from nadia_balance.wire.process import SILENCE, Phase, RobotProcess
 
 LISTEN = 0.3  # for rivals, before the first command [s]
@@ -88,34 +88,32 @@ def run(
     delays, heard = Delays(process.period), time.monotonic()
     silence = slower * SILENCE
     while each():
-        state = None
+        state = command = None
         try:
             state = wire.read(max(heard + silence - time.monotonic(), 0.0))
         except RefusedError as error:
             process.refuse(str(error))
         now = time.monotonic()
         if state is not None:
-            heard = now
-            command = process.hear(state)
+            heard, command = now, process.hear(state)
         elif now >= heard + silence:
-            heard = now
-            command = process.silent()
+            heard, command = now, process.silent()
+        _write(wire, command)
+        if state is not None and process.phase is Phase.BALANCE:
+            behind = delays.add(time.monotonic(), state.time)
+            _write(wire, process.finish())
+            if behind > SILENCE and slower == 1.0:
+                late = f"{1e3 * behind:.0f} ms behind the robot"
+                _write(wire, process.stop(late))
+            if wire.rivals():
+                _write(wire, process.stop("another controller commands it"))
         else:
-            continue
-        if command is not None:
-            wire.write(command)
-        sent = time.monotonic()
-        fault = process.finish()
-        if fault is not None:
-            wire.write(fault)
-        if state is None or process.phase is not Phase.BALANCE:
             delays.restart()
-            continue
-        behind = delays.add(sent, state.time)
-        if behind > SILENCE and slower == 1.0:
-            wire.write(process.stop(f"{1e3 * behind:.0f} ms behind the robot"))
-        if wire.rivals():
-            wire.write(process.stop("another controller commands this robot"))
     if process.counts.samples:
         wire.write(process.stop("stopped"))
     return delays
+
+
+def _write(wire: Wire, command: JointCommand | None) -> None:
+    if command is not None:
+        wire.write(command)

@@ -11,6 +11,7 @@ from enum import Enum
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import bounded, check, parameters
@@ -44,8 +45,11 @@ class ProcessParams:
     posture_angle: float = bounded(
         0.25,
         above=0.0,
-        doc="error of a joint at which its posture takes the largest torque, "
-        "in rad",
+        doc="error of a joint that bears the robot at which its posture takes "
+        "the largest torque, in rad",
+    )
+    arm_angle: float = bounded(
+        1.0, above=0.0, doc="the same of all other joints, in rad"
     )
     posture_damping: float = bounded(
         0.02, above=0.0, doc="damping over stiffness of the posture, in s"
@@ -155,6 +159,7 @@ class RobotProcess:
         balance: what balances the robot.
         standing: joint angles in which it stands (n,) [rad].
         limits: largest torques of its joints (n,) [N m].
+        bears: whether a joint is between the feet and the torso (n,).
         velocity_limits: least and most of a velocity command (2, 3).
         params: how it gets up.
         tell: takes a line for each event.
@@ -165,6 +170,7 @@ class RobotProcess:
         balance: Balance,
         standing: Array,
         limits: Array,
+        bears: NDArray[np.bool_],
         velocity_limits: Array,
         params: ProcessParams | None = None,
         tell: Callable[[str], None] = lambda line: None,
@@ -174,10 +180,14 @@ class RobotProcess:
         self._balance, self._standing = balance, standing
         self.period, self.limits = balance.period, limits
         self.velocity_limits, self._tell = velocity_limits, tell
-        stiffness = limits / params.posture_angle
+        self.stiffness = limits / np.where(
+            bears, params.posture_angle, params.arm_angle
+        )
         self._damp = damping(standing, limits, params.damping_time)
         self._posture = replace(
-            self._damp, kp=stiffness, kd=params.posture_damping * stiffness
+            self._damp,
+            kp=self.stiffness,
+            kd=params.posture_damping * self.stiffness,
         )
         self.phase = Phase.DAMPING
         self.counts = Counts()
@@ -186,13 +196,14 @@ class RobotProcess:
         self._starts = False
         self._is_silent = False
         self._last: RobotState | None = None
+        self._time = 0.0
         self._missing: deque[float] = deque(maxlen=64)  # times of samples
         self._reasons: set[str] = set()
 
     @property
     def time(self) -> float:
-        """The robot's time of the last sample, 0 before the first [s]."""
-        return self._last.time if self._last else 0.0
+        """The robot's time by its last sample, 0 before the first [s]."""
+        return self._time
 
     def forget(self) -> None:
         """Forgets the last sample: the next one may have any time."""
@@ -263,6 +274,7 @@ class RobotProcess:
             self._hear_late(state.time)
             return None
         self.counts.samples += 1
+        self._time = state.time
         if gap < 0.0:
             self.stop(f"the robot's clock ran back by {-gap:.3f} s")
             self._last = None

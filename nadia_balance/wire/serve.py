@@ -118,9 +118,9 @@ class Listener:
         self._reasons: set[str] = set()
 
     @property
-    def is_silent(self) -> bool:
-        """Whether nobody commands the robot."""
-        return self._sender is None
+    def is_left(self) -> bool:
+        """Whether who commanded the robot has gone."""
+        return self._sender is None and self._heard > 0.0
 
     def hear(self, sender: int, command: JointCommand, now: float) -> None:
         """Takes a command, if it is good and from the one who commands.
@@ -221,9 +221,12 @@ class Serving:
         time.sleep(max(self._due - time.monotonic(), 0.0))
 
     def _listen(self, waits: bool) -> None:
-        """Reads commands; in lock step waits for that of the last sample."""
+        """Reads commands; in lock step waits for that of the last sample.
+
+        And for the first controller, but not for one that has gone.
+        """
         patience = (self.slower - 1.0) * SAMPLE
-        if not waits or self.listener.is_silent:
+        if not waits or self.listener.is_left:
             patience = 0.0
         while True:
             try:

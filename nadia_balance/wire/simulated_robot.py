@@ -9,7 +9,7 @@ from pydrake.math import RotationMatrix
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
@@ -67,19 +67,38 @@ class SimulatedRobot:
             f"model = {model}: must come with engine = mujoco",
         )
         builder = DiagramBuilder()
-        plant: Any
         self._engine: Any
         if engine == "mujoco":
-            self._engine, plant, _ = add_mujoco_plant(
+            self._engine, self._plant, _ = add_mujoco_plant(
                 builder, robot, STEP, mjcf=model
             )
         else:
-            plant, _ = robot.add_plant_to(builder, STEP)
-            self._engine = plant
-        self._nq = plant.num_positions()
-        self._joints = actuated_velocities(plant)
-        self._pelvis = plant.GetBodyByName(robot.pelvis_body).index()
-        drives: Any = JointDrives(plant, robot)
+            self._plant, _ = robot.add_plant_to(builder, STEP)
+            self._engine = self._plant
+        self._nq = self._plant.num_positions()
+        self._joints = actuated_velocities(self._plant)
+        self._diagram = self._finish(builder, robot, sensors, seed)
+        self._simulator = Simulator(self._diagram)
+        _, X_BI = imu_place(self._plant, robot, sensors)
+        self._R_BI = X_BI.rotation()
+        self._pelvis = self._plant.GetBodyByName(robot.pelvis_body).index()
+        self._standing = robot.standing_positions()
+        self._mass = robot.mass
+        self.band = Band(robot.mass, self._standing[6] + ATTACK, catches)
+        self._hang()
+        self._push = np.zeros(3)
+        self._push_ends = 0.0
+        self.samples = 0
+
+    def _finish(
+        self,
+        builder: DiagramBuilder,
+        robot: RobotModel,
+        sensors: SensorParams,
+        seed: int,
+    ) -> Diagram:
+        """Adds drives and sensors to the engine."""
+        drives: Any = JointDrives(self._plant, robot)
         imu = Imu(robot, sensors, SAMPLE, seed)
         encoders = JointEncoders(robot, sensors, SAMPLE, seed)
         for name, block in (
@@ -89,35 +108,20 @@ class SimulatedRobot:
         ):
             builder.AddNamedSystem(name, block)
             connect(builder, self._engine, block, "state")
-        builder.Connect(
-            drives.GetOutputPort("torques"),
-            self._engine.GetInputPort("actuation"),
-        )
-        builder.ExportInput(
-            drives.GetInputPort("joint_command"), "joint_command"
-        )
-        builder.ExportInput(
-            self._engine.GetInputPort("applied_spatial_force"), "forces"
-        )
-        ports = (
+        connect(builder, drives, self._engine, torques="actuation")
+        for system, port, name in (
+            (drives, "joint_command", "joint_command"),
+            (self._engine, "applied_spatial_force", "forces"),
+        ):
+            builder.ExportInput(system.GetInputPort(port), name)
+        for system, name in (
             (self._engine, "state"),
             (drives, "torques"),
             (imu, "imu"),
             (encoders, "joints"),
-        )
-        for system, name in ports:
+        ):
             builder.ExportOutput(system.GetOutputPort(name), name)
-        self._diagram = builder.Build()
-        self._simulator = Simulator(self._diagram)
-        X_BI = imu_place(plant, robot, sensors)[1]
-        self._R_BI = X_BI.rotation()
-        self._standing = robot.standing_positions()
-        self._mass = robot.mass
-        self.band = Band(robot.mass, self._standing[6] + ATTACK, catches)
-        self._hang()
-        self._push = np.zeros(3)
-        self._push_ends = 0.0
-        self.samples = 0
+        return builder.Build()
 
     def _hang(self) -> None:
         """Puts it where the band holds it, its joints at rest and at 0."""

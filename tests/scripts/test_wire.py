@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 
 import pytest
@@ -31,8 +32,12 @@ def stood(wire: str) -> tuple[int, list[str], int, list[str]]:
     bus = "--lost", 0.02, "--late", 0.01
     body = program("robot", *where, *push, *bus, env=env)
     mind = program("control", *where, "--duration", 5.9, env=env)
-    told = ended(mind)
     heard = ended(body)
+    try:
+        mind.wait(60.0)
+    except subprocess.TimeoutExpired:  # it waits for a robot that has gone
+        mind.kill()
+    told = ended(mind)
     return heard.code, heard.out, told.code, told.out + told.err
 
 

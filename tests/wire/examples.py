@@ -6,6 +6,7 @@ from nadia_balance.wire.messages import JointCommand, RobotState
 
 N = 3  # joints
 LIMITS = np.array([50.0, 100.0, 20.0])  # [N m]
+BEARS = np.array([True, True, False])
 STANDING = np.array([0.3, -0.2, 0.1])  # [rad]
 
 

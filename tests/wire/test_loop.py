@@ -6,7 +6,7 @@ import pytest
 from nadia_balance.wire import loop
 from nadia_balance.wire.messages import RefusedError
 from nadia_balance.wire.process import Phase, RobotProcess
-from tests.wire.examples import LIMITS, STANDING, FakeBalance, state
+from tests.wire.examples import BEARS, LIMITS, STANDING, FakeBalance, state
 
 DT = 0.002
 
@@ -47,7 +47,7 @@ def ran(monkeypatch, script, slower=1.0, rival_after=None):
     balance = FakeBalance()
     balance.shares = np.array([0.5, 0.5])
     process = RobotProcess(
-        balance, STANDING, LIMITS, np.ones((2, 3)), tell=lines.append
+        balance, STANDING, LIMITS, BEARS, np.ones((2, 3)), tell=lines.append
     )
     process.start()
 
@@ -115,7 +115,7 @@ def test_lets_go_when_someone_else_commands(monkeypatch):
     """Two who balance one robot do not."""
     _, process, _, lines = ran(monkeypatch, samples(1500), rival_after=20)
     assert process.counts.ticks < 30
-    assert lines[-1].endswith("another controller commands this robot")
+    assert lines[-1].endswith("another controller commands it")
 
 
 def test_does_not_begin_where_someone_else_commands(monkeypatch):

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from nadia_balance.wire.process import Phase, RobotProcess, between
-from tests.wire.examples import LIMITS, STANDING, FakeBalance, numbers, state
+from tests.wire.examples import (
+    BEARS,
+    LIMITS,
+    STANDING,
+    FakeBalance,
+    numbers,
+    state,
+)
 
 DT = 0.002  # of the bus [s]
 VELOCITIES = np.array([[-0.2, -0.1, -0.5], [0.4, 0.1, 0.5]])
@@ -16,7 +23,12 @@ class Told:
     def __init__(self) -> None:
         self.balance, self.lines = FakeBalance(), []
         self.process = RobotProcess(
-            self.balance, STANDING, LIMITS, VELOCITIES, tell=self.lines.append
+            self.balance,
+            STANDING,
+            LIMITS,
+            BEARS,
+            VELOCITIES,
+            tell=self.lines.append,
         )
         self.now = 10.0  # of a clock that has run for a while [s]
 
@@ -49,7 +61,7 @@ def test_gets_up_by_its_phases():
     first = told.hear(1)
     begin = state(told.now).q
     np.testing.assert_allclose(first.q, begin)
-    np.testing.assert_allclose(first.kp, 4.0 * LIMITS)
+    np.testing.assert_allclose(first.kp, [4.0, 4.0, 1.0] * LIMITS)
     middle = told.hear(500)
     assert told.process.phase is Phase.POSTURE
     np.testing.assert_allclose(middle.q, 0.5 * (begin + STANDING))

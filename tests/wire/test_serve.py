@@ -76,12 +76,15 @@ class TestListener:
     def test_obeys_until_a_silence(self):
         """Oracle: 50 ms."""
         assert self.listener.command is DAMPING
+        assert not self.listener.is_left
         sent = command()
         self.listener.hear(7, sent, now=1.0)
         self.listener.look(1.05)
         assert self.listener.command is sent
+        assert not self.listener.is_left
         self.listener.look(1.052)
         assert self.listener.command is DAMPING
+        assert self.listener.is_left
         assert self.lines == ["it is commanded", "no commands: damping"]
         again = command(seed=1)
         self.listener.hear(8, again, now=2.0)  # as after a restart

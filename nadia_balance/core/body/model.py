@@ -149,6 +149,23 @@ class JointDriveParams:
         return 1.0 / (2.0 * math.pi * self.bandwidth)
 
 
+@parameters
+class JointImpedanceParams:
+    """Stiffness and damping of the drives about the motion that the QP expects.
+
+    Each joint has kp = I stiffness^2 and kd = I damping, with its apparent
+    inertia I while the robot is in the air, the least there is: the stiffness
+    is that of a mass on a spring with this natural frequency.
+    """
+
+    stiffness: float = bounded(
+        0.0, doc="natural frequency of the stiffness", least=0.0, unit="1/s"
+    )
+    damping: float = bounded(
+        0.0, doc="rate at which a deviation decays", least=0.0, unit="1/s"
+    )
+
+
 def torque_limits(
     speed: Array, max_torque: Array, max_speed: Array, corner_speed: Array
 ) -> Array:

@@ -5,6 +5,8 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import bounded, parameters
 
+SAMPLE = 0.001  # of the gyro's latest rate [s]
+
 
 @parameters
 class SensorParams:

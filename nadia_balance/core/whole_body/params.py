@@ -110,23 +110,6 @@ class CollisionAvoidanceParams:
 
 
 @parameters
-class JointImpedanceParams:
-    """Stiffness and damping of the drives about the motion that the QP expects.
-
-    Each joint has kp = I stiffness^2 and kd = I damping, with its apparent
-    inertia I while the robot is in the air, the least there is: the stiffness
-    is that of a mass on a spring with this natural frequency.
-    """
-
-    stiffness: float = bounded(
-        0.0, doc="natural frequency of the stiffness", least=0.0, unit="1/s"
-    )
-    damping: float = bounded(
-        0.0, doc="rate at which a deviation decays", least=0.0, unit="1/s"
-    )
-
-
-@parameters
 class WholeBodyQpParams:
     """Parameters of the whole-body QP.
 
@@ -338,9 +321,6 @@ class WholeBodyQpParams:
     )
     avoidance: CollisionAvoidanceParams | None = bounded(
         CollisionAvoidanceParams, doc="avoidance of self-collisions; null: none"
-    )
-    impedance: JointImpedanceParams = bounded(
-        JointImpedanceParams, doc="what the drives add to the torques"
     )
     failure_damping: float = bounded(
         30.0,
