@@ -116,6 +116,7 @@ class LipmDiagram(ClosedLoop):
         plant, controller, swing = self.plant, self.controller, self.swing
         connect(builder, controller, swing, "walking_state")
         connect(builder, controller, self.push, "walking_state")
+        self.timing = controller.GetOutputPort("walking_state")
         connect(builder, controller, plant, "walking_state", "ecmp_command")
         connect(builder, swing, plant, "swing_foot_reference")
         connect(builder, self.push, plant, "push_force")

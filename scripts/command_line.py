@@ -314,13 +314,11 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         default="humanoid",
         help="the robot, or the point mass it stands for",
     )
-    parser.not_live.append(
-        group.add_argument(
-            "--controller",
-            type=place,
-            metavar="ONNX",
-            help="file of a learned policy that walks instead (docs/policy.md)",
-        )
+    group.add_argument(
+        "--controller",
+        type=place,
+        metavar="ONNX",
+        help="file of a learned policy that walks instead (docs/policy.md)",
     )
 
 
