@@ -86,6 +86,7 @@ class ClosedLoop(Diagram):
     push: PushSource  # one of its systems
     controller: System  # one of its systems
     timing: OutputPort  # the walking_state by which pushes are timed
+    replaced: Sequence[str] = ()  # the user's blocks, role=Class
 
     def __init__(self, scenario: Scenario):
         """Loads the robot and the true ground.
@@ -344,6 +345,21 @@ class ClosedLoop(Diagram):
             context: that of this diagram, which is changed.
         """
         self._log.FindMutableLog(context).Clear()
+
+
+def told_blocks(blocks: Mapping[str, object]) -> list[str]:
+    """Says which blocks are the user's.
+
+    Args:
+        blocks: by role; None leaves one out.
+
+    Returns:
+        Texts role=Class.
+    """
+    return [
+        f"{role}={type(block).__name__ if block else None}"
+        for role, block in blocks.items()
+    ]
 
 
 def sampled(log: VectorLog) -> tuple[Array, Array]:

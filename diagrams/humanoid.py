@@ -26,6 +26,7 @@ from nadia_balance.diagrams.closed_loop import (
     Logs,
     MeasuredPoses,
     sampled,
+    told_blocks,
 )
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -132,8 +133,10 @@ class HumanoidDiagram(ClosedLoop):
                 delay=scenario.delay,
                 **blocks,
             )
+            self.replaced = told_blocks(blocks)
         else:
             self._check_controller(controller, blocks)
+            self.replaced = told_blocks({"controller": controller})
         self.controller = controller
         builder.AddNamedSystem("balance_controller", controller)
         self.push = PushSource(

@@ -94,7 +94,7 @@ def test_a_policy_that_is_to_stand_has_no_phases(made):
     """
     text = "{gait: {num_steps: 0, step: {length: 0.3}}}"
     scenario = load_scenario("push", robot="g1", text=text, pushes=[])
-    still = closed_loop(scenario, policy=made()).controller
+    still = closed_loop(scenario, controller=made()).controller
     state = np.eye(NQ + N + 6)[0]
     simulator, context = running(still, estimated_state=state)
     simulator.AdvanceTo(0.05)
@@ -108,7 +108,7 @@ def test_a_policy_that_is_to_stand_has_no_phases(made):
 def test_pushes_are_timed_by_contacts_once_it_walks(made):
     """Oracle: the clock's phases, and eight steps before the first push."""
     scenario = load_scenario("push", robot="g1")
-    diagram = closed_loop(scenario, policy=made())
+    diagram = closed_loop(scenario, controller=made())
     (push,) = diagram.scenario.pushes
     assert (push.at, push.after_steps) == ("right swing 25 %", 8)
     assert scenario.pushes[0].after_steps < 8
@@ -236,7 +236,7 @@ def test_the_user_commands_it_where_the_scenario_does_not(made):
     meshcat = start_meshcat()[0]
     scenario = endless(load_scenario("push", robot="g1"))
     diagram = closed_loop(
-        scenario, policy=made(0.0 * W, 0.0 * B), meshcat=meshcat
+        scenario, controller=made(0.0 * W, 0.0 * B), meshcat=meshcat
     )
     meshcat.SetSliderValue(FORWARD, 0.2)
     simulator = start(diagram)
@@ -257,7 +257,7 @@ def test_it_is_pushed_in_a_live_page(made, monkeypatch):
     path = made(W=0.0 * W, b=0.0 * B, kp=[300.0] * N, kd=[10.0] * N)
     meshcat, told = start_meshcat()[0], []
     scenario = endless(load_scenario("push", robot="g1"))
-    diagram = closed_loop(scenario, policy=path, meshcat=meshcat)
+    diagram = closed_loop(scenario, controller=path, meshcat=meshcat)
     session = LiveSession(diagram, meshcat, told.append, 10.0)
     light, hard, mass = 0.05, 1.2, ROBOT.mass
     for size, lines in (light, 2), (hard, 4):
