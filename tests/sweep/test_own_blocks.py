@@ -29,6 +29,9 @@ from tests.source_files import ROOT
 
 PAGE = (ROOT / "docs" / "own_blocks.md").read_text("utf-8")
 ADJUSTER = re.search(r"```python\n(.*?)scenario = ", PAGE, re.DOTALL)[1]
+CONTACTS = re.search(
+    r"## A whole-body.*?```python\n(.*?)mine = ", PAGE, re.DOTALL
+)[1]
 OTHERS = """
 import multiprocessing
 import os
@@ -70,7 +73,7 @@ FORWARD = [*SWEEP, "--directions", "0,"]
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """The present folder, with the module; cells run in this process."""
-    (tmp_path / "mine.py").write_text(ADJUSTER + OTHERS)
+    (tmp_path / "mine.py").write_text(ADJUSTER + CONTACTS + OTHERS)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.delitem(sys.modules, "mine", raising=False)
@@ -215,13 +218,14 @@ def single_pushes_of(argv):
 
 def test_a_block_may_be_left_out(here):
     """Oracle: the blocks of the controller, by name."""
-    named = own_blocks.parsed_blocks([MINE, "timing_adapter=none"])
-    diagram = closed_loop(nb.load_scenario("push"), "lipm", blocks=named)
+    own = ["whole_body_inverse_dynamics=mine:ContactForceController"]
+    named = own_blocks.parsed_blocks([*own, "friction_estimator=none"])
+    diagram = closed_loop(nb.load_scenario("push_standing"), blocks=named)
     names = {system.get_name() for system in diagram.controller.GetSystems()}
-    assert "step_adjuster" in names and "timing_adapter" not in names
+    assert "state_predictor" in names and "friction_estimator" not in names
     assert diagram.replaced == [
-        "step_adjuster=ErrorStepAdjuster",
-        "timing_adapter=None",
+        "whole_body_inverse_dynamics=ContactForceController",
+        "friction_estimator=None",
     ]
 
 
