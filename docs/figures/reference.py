@@ -151,6 +151,10 @@ ARRAYS = {
         "(n, 4) 0 or 1",
         ", ".join(f.name for f in dataclasses.fields(Mechanisms)),
     ),
+    "no_foothold": (
+        "(n, 1) 0 or 1",
+        "1: no ground in reach is in the capture region",
+    ),
     "step_forces": (
         "(n, 2 m) N",
         "upward on left and right foot in each of the m steps of the plant "
@@ -169,6 +173,10 @@ ARRAYS = {
     "sole": ("(4, 2) m", "corners of a sole, in its frame"),
     "weight": ("() N", "of the robot"),
     "actuator_names": ("(nu,)", "names"),
+    "velocity_limits": (
+        "(2, 3) m/s, rad/s",
+        "least and most of a command, if its source is one's own",
+    ),
     "effort_limits": ("(nu,) N m", "limits of torque"),
     "joint_speed_limits": ("(nu,) rad/s", "limits of speed"),
     "joint_speed_columns": ("(nu,)", "of the joints' speeds in `state`"),

@@ -74,6 +74,7 @@ WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass, computed"
 HIPS_LABEL = "and with the momentum\nof the upper body"
 BEYOND = "#eceef2"
+BESIDE = "#7a5195"  # another sweep's limits
 _MOST_NUMBERS = 16  # with more directions, limits are not written [-]
 _PANEL, _KEY, _COLUMNS = 6.0, 2.5, 2  # sizes [in]; columns of panels
 
@@ -170,6 +171,7 @@ def table_of(
         Its title, and the table.
     """
     columns = [limits.of(one, situation) for one in limits.mechanisms]
+    head = ["direction", *map(limits.title, limits.mechanisms)]
     lines = [
         [
             f"{records[0]['direction_deg']:g}",
@@ -178,9 +180,16 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    return kind[1], table(
-        ["direction", *map(limits.title, limits.mechanisms)], lines
-    )
+    beside = limits.of_beside(limits.mechanisms[-1], situation)
+    if kind is RECOVERED and beside:
+        head.append(limits.beside_title)
+        values = [beside.get(r["direction_deg"]) for r in columns[-1]]
+        known = [value for value in values if value is not None]
+        for line, value in zip(
+            lines, [*values, fmean(known) if known else None], strict=True
+        ):
+            line.append("–" if value is None else f"{value:.2f}")
+    return kind[1], table(head, lines)
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:
@@ -314,6 +323,16 @@ def _draw_curves(
             zorder=3.0,
             label=protocol.paper,
         )
+    if limits.beside:
+        ax.plot(
+            *closed(limits.of_beside(last, situation)),
+            color=BESIDE,
+            lw=1.5,
+            marker="s",
+            ms=3.5,
+            zorder=2.8,
+            label=limits.beside_title,
+        )
     ax.set_rlim(0.0, max(1.1 * ax.get_rmax(), 1e-3))
 
 
@@ -380,6 +399,8 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     protocol = protocol_of(limits.identity["robot"], limits.situations[0])
     if protocol:
         labels[protocol.paper] = protocol.paper
+    if limits.beside:
+        labels[limits.beside_title] = limits.beside_title
     handles: list[Artist] = [lines[name] for name in labels]
     # Where no limit is known, as from standing, nothing is drawn of it.
     if np.size(lines[HIPS_LABEL].get_xdata()):

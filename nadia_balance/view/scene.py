@@ -474,6 +474,7 @@ def add_mechanisms(
     push: PushSource,
     meshcat: Meshcat | None,
     limits: Array,
+    has_switches: bool = True,
 ) -> OutputPort:
     """Adds the source of `mechanisms`: constant, or LiveControls.
 
@@ -483,6 +484,7 @@ def add_mechanisms(
         push: source of pushes, in the builder, that LiveControls triggers.
         meshcat: where the controls are, if there are any.
         limits: least and most of a velocity command, (2, 3).
+        has_switches: whether the user can switch the mechanisms.
 
     Returns:
         The port of the mechanisms.
@@ -492,7 +494,7 @@ def add_mechanisms(
             "mechanisms", ConstantVectorSource(cast(Any, on.as_vector()))
         ).get_output_port()
     controls = builder.AddNamedSystem(
-        CONTROLS, LiveControls(meshcat, on, limits)
+        CONTROLS, LiveControls(meshcat, on, limits, has_switches=has_switches)
     )
     connect(builder, controls, push, "live_push")
     return controls.GetOutputPort("mechanisms")

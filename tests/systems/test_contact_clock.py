@@ -71,6 +71,14 @@ def test_the_next_foot_may_be_lifted_at_once(ticks):
         assert state.steps_taken == 5
 
 
+def test_a_transfer_that_does_not_end_is_standing():
+    """Oracle: twice the 0.1 s that the last one of this side took."""
+    stride = [LEFT] * 40 + [BOTH] * 10 + [RIGHT] * 50 + [BOTH] * 20
+    walking_states = states([*stride, *stride[:40], *[BOTH] * 30])
+    phases = [state.schedule.phase for state in walking_states[-30:]]
+    assert phases == [Phase.TRANSFER] * 20 + [Phase.STANDING] * 10
+
+
 def test_means_by_25_percent_what_the_walking_state_machine_means():
     """Oracle: the schedule, to a third of a tenth of a swing: 25 ms.
 

@@ -504,6 +504,28 @@ def in_time(
     return result
 
 
+def lacks_ground(landing: Landing) -> bool:
+    """Whether the capture region is in reach, but not on the ground.
+
+    Args:
+        landing: possible touchdowns of this tick.
+
+    Returns:
+        True if C_N shares area with a reachability region, and with none of
+        the footholds within them.
+    """
+    geometry = landing.geometry
+    if geometry.model.ground is None:
+        return False
+    A, b = polygon.halfspaces(landing.capture_region)
+    if any(len(polygon.clip_all(p.polygon, A, b)) for p in geometry.places):
+        return False
+    return any(
+        len(polygon.clip_all(region, A, b))
+        for region in geometry.regions.values()
+    )
+
+
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:
     """The regions and footholds behind an adjustment, for display.
 

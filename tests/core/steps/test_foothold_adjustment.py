@@ -26,6 +26,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
     capture_regions,
     goals,
     in_time,
+    lacks_ground,
     propose_adjustment,
     touchdown_interval,
     unadjusted,
@@ -689,6 +690,33 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
             current = at(-0.3 + 0.6 * last, -0.2, ground=last)
         pose = adjust(current, everywhere, **vars(polygons)).pose
         assert polygons.model.ground.region_under(pose).name == expected
+
+
+def test_ground_is_missed_where_the_capture_region_is_in_reach_of_none():
+    """Oracle: shapely's areas, for pushes all around on plates of three sizes.
+
+    On flat ground none is missed.
+    """
+    missed = []
+    for side, icp in itertools.product((0.8, 1.2, 3.0), PUSHES):
+        polygons = on_ground((square("plate", side=side),), IN_PLACE)
+        case = landing(state_at(0.3), icp, polygons)
+        captures = shapely.Polygon(case.capture_region)
+        reach = shapely.union_all(
+            [shapely.Polygon(region) for region in polygons.regions.values()]
+        )
+        held = shapely.union_all(
+            [shapely.Polygon(place.polygon) for place in polygons.places]
+        )
+        expected = (
+            captures.intersection(reach).area > 1e-9
+            and captures.intersection(held).area <= 1e-9
+        )
+        assert lacks_ground(case) == expected
+        assert not lacks_ground(landing(state_at(0.3), icp))
+        missed.append((side, expected))
+    sides = {side for side, expected in missed if expected}
+    assert sides == {0.8, 1.2} and (0.8, False) in missed
 
 
 # To draw.
