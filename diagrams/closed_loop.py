@@ -25,6 +25,7 @@ from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.core.walking.state import FootPose, FootPoses
+from nadia_balance.diagrams.region_log import add_region_log, region_rows
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
@@ -241,6 +242,11 @@ class ClosedLoop(Diagram):
             multiplexer.get_output_port(), builder, publish_period=period
         )
         self._log.set_name("log")
+        self._regions = None
+        if "capture_regions" in self.signals:
+            self._regions = add_region_log(
+                builder, self.signals["capture_regions"]
+            )
         for name in filter(self.signals.get, EXPORTED):
             builder.ExportOutput(self.signals[name], name)
         builder.BuildInto(self)
@@ -328,6 +334,9 @@ class ClosedLoop(Diagram):
         }
         if self._has_source and self.controller.HasOutputPort("footsteps"):
             logs["velocity_limits"] = self.velocity_limits
+        if self._regions is not None:
+            times, rows = sampled(self._regions.FindLog(context))
+            logs["capture_regions"] = region_rows(times, rows)
         if self._ground is not None:
             logs["ground"] = np.concatenate(
                 [
@@ -345,6 +354,8 @@ class ClosedLoop(Diagram):
             context: that of this diagram, which is changed.
         """
         self._log.FindMutableLog(context).Clear()
+        if self._regions is not None:
+            self._regions.FindMutableLog(context).Clear()
 
 
 def told_blocks(blocks: Mapping[str, object]) -> list[str]:

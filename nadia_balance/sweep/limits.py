@@ -4,7 +4,7 @@ Beside each limit stand those of the papers' figures, and of any controller.
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -234,6 +234,19 @@ class LimitTable:
             for one in self.records
             if Cell.of(one)[:3] == (*situation, mechanisms)
         ]
+
+
+def mark(records: Iterable[Record]) -> str:
+    """Marks what is not sure.
+
+    Args:
+        records: of which something is told.
+
+    Returns:
+        `~` if a search has not ended, or knows no push that failed.
+    """
+    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
+    return "" if is_sure else "~"
 
 
 def limit_table(
