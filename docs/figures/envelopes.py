@@ -25,7 +25,11 @@ from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.plots.style import FAINT, RC, TEXT, save
 from nadia_balance.scripts import command_line
-from nadia_balance.sweep.envelope_plot import closed, draw_directions, share_scale
+from nadia_balance.sweep.envelope_plot import (
+    closed,
+    draw_directions,
+    share_scale,
+)
 from nadia_balance.sweep.limits import PROTOCOLS, known_limits
 
 ROOT = Path(__file__).resolve().parents[2]
