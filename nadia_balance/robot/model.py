@@ -194,9 +194,8 @@ class RobotModel:
             if motor.max_torque is not None:
                 actuator.set_effort_limit(motor.max_torque)
             if motor.max_speed is not None:
-                actuator.joint().set_velocity_limits(
-                    [-motor.max_speed], [motor.max_speed]
-                )
+                limit: Any = np.array([motor.max_speed])
+                actuator.joint().set_velocity_limits(-limit, limit)
         return instance
 
     def add_plant_to(
