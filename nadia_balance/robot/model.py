@@ -183,8 +183,7 @@ class RobotModel:
             The robot's model instance.
 
         Raises:
-            ValueError: the URDF is malformed (see `add_urdf`), or a torque
-                limit is of an unknown joint.
+            ValueError: the URDF is malformed (see `add_urdf`).
         """
         instance = add_urdf(plant, self.urdf)
         for actuator in actuators(plant):
