@@ -93,6 +93,11 @@ SUMMARY = {
         "usual, first in the arms, whose swing turns the trunk",
     ),
     "max_torque_step": ("N m", "largest change of a torque in a control tick"),
+    "torque_step_ratio": (
+        "1",
+        "change of a torque in a tick over its limit: of the worst joint, the "
+        "median of all ticks",
+    ),
     "max_joint_speed": ("rad/s", "of the fastest joint"),
     "max_joint_speed_ratio": ("1", "largest joint speed over its limit"),
     "max_power_w": ("W", "largest power of all drives together, net"),
