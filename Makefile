@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test lint browser coverage results robustness policy clean
+.PHONY: push test lint browser coverage site results robustness policy clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
@@ -25,6 +25,11 @@ test: lint browser
 coverage: browser
 	COVERAGE_CORE=sysmon $(BIN)/pytest -n 2 --dist worksteal \
 		--cov=nadia_balance --cov-report=term:skip-covered $(ARGS)
+
+# The site: guide, reference, API.  Any warning is an error.
+site: .venv/installed-test
+	$(BIN)/python -m sphinx -q -W --keep-going -c docs/site . build/site/html
+	@echo "wrote build/site/html/index.html"
 
 lint: .venv/installed-test
 	$(BIN)/ruff check .

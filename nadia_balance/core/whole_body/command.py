@@ -357,8 +357,8 @@ def crossing_turn(
 
         turn = +-max_turn tanh(gain c^2 x / max_turn),
 
-    + for the left support foot, where x is the distance of the other sole in
-    front of the support sole, and their lateral distance is c less than
+    with + for the left support foot, where x is the distance of the other sole
+    in front of the support sole, and their lateral distance is c less than
     `width`.  The turn is as smooth as the swing (see SwingFootPlanner).
 
     Args:
