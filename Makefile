@@ -59,11 +59,13 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		$(MADE)/figures/nadia_figure_4.png
 	$(PIP_INSTALL) '.[notebook]'
 	$(BIN)/python docs/figures/picture.py --run $(MADE)/push --gif \
-		--width 640 --height 600 --distance 4.8 --out docs/push.gif
+		--width 640 --height 600 --distance 3.6 --out docs/push.gif
 	$(BIN)/python docs/figures/picture.py --run $(MADE)/blocks \
 		--times 5.9 10.5 16.3 --azimuth 60 --elevation 18 --distance 4.6 \
 		--width 270 --height 300 --out docs/ground.png
 	cp $(MADE)/figures/nadia_figure_4.png docs/capture_regions.png
+	cp $(MADE)/figures/nadia_figure_4.svg docs/capture_regions.svg
+	$(BIN)/python docs/figures/envelopes.py --out docs/envelopes.png
 	for book in docs/learn/*.ipynb; do \
 		$(BIN)/python -c 'import nbclient, nbformat, sys; \
 			book = nbformat.read(sys.argv[1], 4); \
@@ -75,8 +77,8 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		from nadia_balance.results.versions import commit_of; \
 		print("commit", commit_of(), "python", *sys.version_info[:2])' \
 		> docs/results/made.txt
-	sha256sum docs/*.gif docs/learn/*.ipynb docs/*.png docs/results/*/*.png \
-		>> docs/results/made.txt
+	sha256sum docs/*.gif docs/learn/*.ipynb docs/*.png docs/*.svg \
+		docs/results/*/*.png docs/results/*/*.svg >> docs/results/made.txt
 
 $(MADE)/g1.swept: SWEEP := --robot g1 --resolution 0.05 --stride 4 \
 	--mechanisms all_with_cross_over

@@ -17,14 +17,17 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import LogVectorOutput
 
 from nadia_balance.balance_controller import BalanceController
+from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.state import FootPoses
 from nadia_balance.diagrams.closed_loop import (
     ClosedLoop,
     Logs,
     MeasuredPoses,
     sampled,
+    told_blocks,
 )
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -32,9 +35,11 @@ from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
+from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
+from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.hardware import (
     FootForceSensor,
     JointDrives,
@@ -52,8 +57,6 @@ from nadia_balance.view.scene import (
     move_floor,
 )
 
-FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
-FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 FALLEN_TORSO_TILT = math.radians(70.0)  # tilt of the torso [rad]
 
 
@@ -129,10 +132,13 @@ class HumanoidDiagram(ClosedLoop):
                 start=start,
                 ground=model.ground,
                 delay=scenario.delay,
+                sensors=self._sensors,
                 **blocks,
             )
+            self.replaced = told_blocks(blocks)
         else:
             self._check_controller(controller, blocks)
+            self.replaced = told_blocks({"controller": controller})
         self.controller = controller
         builder.AddNamedSystem("balance_controller", controller)
         self.push = PushSource(
@@ -244,6 +250,7 @@ class HumanoidDiagram(ClosedLoop):
     ) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
+        self._drive(builder)
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
@@ -251,7 +258,7 @@ class HumanoidDiagram(ClosedLoop):
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
-        self._drive(builder)
+        self.timing = clock.GetOutputPort("walking_state")
         mouse = None
         if meshcat is not None and engine is self.plant:
             mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
@@ -263,7 +270,8 @@ class HumanoidDiagram(ClosedLoop):
             NAMED[self.scenario.mechanisms],
             self.push,
             meshcat,
-            self.velocity_limits,
+            limits=self.velocity_limits,
+            has_switches=controller.HasInputPort("mechanisms"),
         )
         if controller.HasInputPort("mechanisms"):
             builder.Connect(
@@ -278,7 +286,10 @@ class HumanoidDiagram(ClosedLoop):
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
             builder.AddNamedSystem("joint_drives", self._drives)
-            connect(builder, self.controller, self._drives, "actuation")
+            command = "actuation"
+            if self.controller.HasOutputPort("joint_command"):
+                command = "joint_command"
+            connect(builder, self.controller, self._drives, command)
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, self.engine.GetInputPort("actuation"))
@@ -287,11 +298,12 @@ class HumanoidDiagram(ClosedLoop):
         """Connects the controller's inputs to the measured signals."""
         scenario, controller = self.scenario, self.controller
         state = self.engine.GetOutputPort("state")
-        forces = self.sensor.GetOutputPort("foot_forces")
+        feet: System = self.sensor
         self._measured: dict[str, OutputPort] = {}
         if self._sensors is not None:
-            self._estimate(builder)
+            feet = self._estimate(builder)
             state = self._measured["estimated_state"]
+        forces = feet.GetOutputPort("foot_forces")
         if scenario.imperfections.has_noise or scenario.delay:
             sensor = StateSensor(
                 self.plant,
@@ -301,15 +313,18 @@ class HumanoidDiagram(ClosedLoop):
             )
             builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
-            connect(builder, self.sensor, sensor, "foot_forces")
+            connect(builder, feet, sensor, "foot_forces")
             state = sensor.GetOutputPort("measured_state")
             forces = sensor.GetOutputPort("measured_foot_forces")
         builder.Connect(state, controller.GetInputPort("estimated_state"))
         if controller.HasInputPort("foot_forces"):
             builder.Connect(forces, controller.GetInputPort("foot_forces"))
 
-    def _estimate(self, builder: DiagramBuilder) -> None:
-        """Adds sensors, and the estimator that reads them."""
+    def _estimate(self, builder: DiagramBuilder) -> System:
+        """Adds sensors, and the estimators that read them.
+
+        Returns the system that tells the foot forces.
+        """
         seed, period = self.scenario.seed, self.push.period
         assert self._sensors is not None
         level = self._ground is None or self._ground.is_level
@@ -331,9 +346,27 @@ class HumanoidDiagram(ClosedLoop):
             self._measured[signal] = sensor.GetOutputPort(signal)
             connect(builder, self.engine, sensor, "state")
             connect(builder, sensor, estimator, signal)
-        connect(builder, self.sensor, estimator, "foot_forces")
+        feet = self._add_foot_forces(builder, self._sensors)
+        connect(builder, feet, estimator, "foot_forces")
         for name in ("estimated_state", "estimate_covariance"):
             self._measured[name] = estimator.GetOutputPort(name)
+        return feet
+
+    def _add_foot_forces(
+        self, builder: DiagramBuilder, sensors: SensorParams
+    ) -> System:
+        """The sensor of the foot forces, or else their estimator."""
+        if sensors.foot_forces == "measured":
+            return self.sensor
+        feet = FootForceEstimator(self.robot, sensors, self.push.period)
+        builder.AddNamedSystem("foot_force_estimator", feet)
+        for name in ("imu", "joints"):
+            builder.Connect(self._measured[name], feet.GetInputPort(name))
+        builder.Connect(self._torques, feet.GetInputPort("torques"))
+        self._measured["estimated_foot_forces"] = feet.GetOutputPort(
+            "foot_forces"
+        )
+        return feet
 
     def set_initial_state(self, context: Context) -> None:
         """Lets the robot stand, shifted at random by the scenario's seed.
@@ -361,9 +394,7 @@ class HumanoidDiagram(ClosedLoop):
             )
         if self._drives is not None:  # initial torques are the commanded ones
             drives_context = self._drives.GetMyMutableContextFromRoot(context)
-            torques: Any = self._drives.GetInputPort("actuation").Eval(
-                drives_context
-            )
+            torques: Any = self._drives.command(drives_context)[2]
             drives_context.SetDiscreteState(0, torques)
 
     def fall_reason(self, context: Context) -> str:
@@ -394,6 +425,33 @@ class HumanoidDiagram(ClosedLoop):
         if is_uneven or schedule is None:
             return ""
         return foot_beside(ground, schedule)
+
+    def com(self, context: Context) -> Array:
+        """Returns the centre of mass.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            Its place (3,) in W [m], as the controller knows it, if it does.
+        """
+        if "com_state" in self.signals:
+            return super().com(context)
+        return self._poses.com(read(self.signals["state"], context))
+
+    def feet(self, context: Context) -> FootPoses:
+        """Returns where the feet stand.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The soles in W; of a foot in the air, its last pose on the ground,
+            or without a walking state the present one.
+        """
+        if "walking_state" in self.signals:
+            return super().feet(context)
+        return self._poses.feet(read(self.signals["state"], context))
 
     def nees(self, context: Context) -> float:
         """Returns the NEES e' P^-1 e [-] of the estimate.

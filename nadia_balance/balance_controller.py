@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from nadia_balance.core.body.com_height import ComHeightParams
 from nadia_balance.core.body.ground import Ground
 from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import MomentumQpParams
 from nadia_balance.core.plan.atlas_icp_plan import AtlasIcpPlanParams
@@ -162,8 +163,8 @@ class CapturePointController(Diagram):
                            walking_state, foot_poses,
                            mechanisms
     step_adjuster          alip_icp, walking_state,          adjustment,
-                           foot_poses, time_adjustment,      capture_regions
-                           mechanisms
+                           foot_poses, time_adjustment,      capture_regions,
+                           mechanisms                        no_foothold
     momentum_qp            icp, icp_reference,               ecmp_command,
                            walking_state                     ...qp_status
     step_controller        takes the place of the last two   the outputs of
@@ -200,7 +201,8 @@ class CapturePointController(Diagram):
         output_ports: [walking_state, walking_signal, footsteps,
                        revised_footsteps, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
-                       ecmp_command, momentum_qp_status, momentum_rate]
+                       no_foothold, ecmp_command, momentum_qp_status,
+                       momentum_rate]
     """
 
     INPUTS = (
@@ -344,6 +346,8 @@ class BalanceController(Diagram):
         start: walking state at the start, by default standing.
         ground: model of the ground; None: flat.
         delay: of the measurements [s], a multiple of the control period.
+        sensors: whose noise is filtered, while the drives hold the joints
+            by the robot's `impedance`; None: no noise, and torques alone.
         tasks: tasks that are added to those of the whole-body QP.
         **blocks: replace these blocks, and those of the CapturePointController,
             by name; None leaves one out.
@@ -361,7 +365,8 @@ class BalanceController(Diagram):
                        walking_signal, footsteps, revised_footsteps,
                        icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
-                       ecmp_command, momentum_qp_status, momentum_rate,
+                       no_foothold, ecmp_command, momentum_qp_status,
+                       momentum_rate,
                        swing_foot_reference, friction, actuation,
                        foot_wrenches, whole_body_qp_status,
                        generalized_acceleration]
@@ -394,6 +399,7 @@ class BalanceController(Diagram):
         start: WalkingState | None = None,
         ground: Ground | None = None,
         delay: float = 0.0,
+        sensors: SensorParams | None = None,
         tasks: Iterable[Task] = (),
         **blocks: System | None,
     ) -> None:
@@ -421,7 +427,7 @@ class BalanceController(Diagram):
         planners = {name: blocks.pop(name) for name in inner if name in blocks}
         makers: dict[str, Callable[[], System]] = {
             "state_predictor": lambda: StatePredictor(
-                robot, period, delay=delay, lead=lead
+                robot, period, delay=delay, lead=lead, sensors=sensors
             ),
             "centroidal_estimator": lambda: CentroidalEstimator(
                 robot, params.whole_body.avoidance, lead
@@ -436,7 +442,11 @@ class BalanceController(Diagram):
                 params.whole_body, model, period
             ),
             "whole_body_inverse_dynamics": lambda: WholeBodyInverseDynamics(
-                params.whole_body, robot, period, tasks=tasks
+                params.whole_body,
+                robot,
+                period,
+                tasks=tasks,
+                impedance=robot.params.impedance if sensors else None,
             ),
         }
         builder = DiagramBuilder()

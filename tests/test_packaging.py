@@ -37,8 +37,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
 DISTRIBUTIONS |= {"foxglove": "foxglove-sdk", "google": "protobuf"}
+DISTRIBUTIONS |= {"unitree_sdk2py": "unitree-sdk2py-dimos"}
 # What a normal installation lacks: `--help` needs none of them.
-EXTRAS = ("foxglove", "mujoco", "onnxruntime", "trimesh")
+EXTRAS = ("cyclonedds", "foxglove", "mujoco", "onnxruntime", "trimesh")
 # What our imports load by themselves: readers of .dae and notebooks, a theme.
 PLUGINS = {"pycollada", "myst-nb", "furo"}
 
@@ -202,7 +203,15 @@ def test_declares_what_it_imports():
     """Oracle: the imports in the syntax trees of all files."""
     needed = names(PROJECT["dependencies"])
     extras = PROJECT["optional-dependencies"]
-    names_of = ("docs", "mcap", "mujoco", "policies", "robots", "site")
+    names_of = (
+        "docs",
+        "mcap",
+        "mujoco",
+        "policies",
+        "robots",
+        "site",
+        "unitree",
+    )
     more = set().union(*(names(extras[extra]) for extra in names_of))
     extra = names(extras["test"])
     imported = third_party_imports(*FOLDERS, "docs")

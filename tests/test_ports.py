@@ -58,13 +58,16 @@ FOOTSTEPS = dict.fromkeys(
 )
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
-    "CaptureRegionStepAdjuster": dict.fromkeys(STEPS, STEP_ADJUSTMENT),
+    "CaptureRegionStepAdjuster": dict.fromkeys(
+        (*STEPS, "no_foothold"), STEP_ADJUSTMENT
+    ),
     "CentroidalEstimator": dict.fromkeys(
         ("com_state", "icp", "alip_icp", "foot_poses", "whole_body_terms"),
         "predicted_state",
     ),
     "ContactClock": {"walking_state": ""},  # one tick late
     "ComHeightController": {"momentum_rate": HEIGHT_CONTROL},
+    "FootForceEstimator": {"foot_forces": "imu joints torques"},
     "FootForceSensor": {"foot_forces": "", "step_forces": ""},  # held
     "FixedFootsteps": FOOTSTEPS,
     "FootstepPlanner": FOOTSTEPS,

@@ -44,6 +44,8 @@ SCRIPTS = (
     "new_robot",
     "benchmark",
     "export_mcap",
+    "control",
+    "robot",
 )
 # Entries of summary.json: unit, and what it is.
 SUMMARY = {
@@ -149,6 +151,10 @@ ARRAYS = {
         "(n, 4) 0 or 1",
         ", ".join(f.name for f in dataclasses.fields(Mechanisms)),
     ),
+    "no_foothold": (
+        "(n, 1) 0 or 1",
+        "1: no ground in reach is in the capture region",
+    ),
     "step_forces": (
         "(n, 2 m) N",
         "upward on left and right foot in each of the m steps of the plant "
@@ -167,9 +173,17 @@ ARRAYS = {
     "sole": ("(4, 2) m", "corners of a sole, in its frame"),
     "weight": ("() N", "of the robot"),
     "actuator_names": ("(nu,)", "names"),
+    "velocity_limits": (
+        "(2, 3) m/s, rad/s",
+        "least and most of a command, if its source is one's own",
+    ),
     "effort_limits": ("(nu,) N m", "limits of torque"),
     "joint_speed_limits": ("(nu,) rad/s", "limits of speed"),
     "joint_speed_columns": ("(nu,)", "of the joints' speeds in `state`"),
+    "capture_regions": (
+        "(k, 4) s, -, m",
+        "corners of C_1 and C_N every 0.05 s of a swing: time, n, x, y",
+    ),
     "region_base": ("(k, 2) m", "reach of the next step, legs not crossed"),
     "region_forward": ("(k, 2) m", "the same, crossing in front"),
     "region_backward": ("(k, 2) m", "the same, crossing behind"),

@@ -30,6 +30,7 @@ from nadia_balance.robot.plants import (
 
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
+_UPRIGHT = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # positions of the base
 
 
 class WholeBodyKinematics:
@@ -215,19 +216,22 @@ def whole_body_model(
         is_leg_joint[
             [leg.velocity_start() - 6 for leg in joints_above(plant, foot)]
         ] = True
+    posture = _by_joint(
+        plant=plant, field="posture", values=robot.posture, others=0.0
+    )
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
         sole_width=robot.sole_width,
         ankles=np.array([_ankle(robot, plant, side) for side in Side]),
-        posture=_by_joint(
-            plant=plant, field="posture", values=robot.posture, others=0.0
-        ),
+        posture=posture,
         position_lower=lower,
         position_upper=upper,
         max_torque=effort_limits(plant)[6:],
         max_speed=robot.max_joint_speeds,
+        corner_speed=robot.corner_speeds,
         is_leg_joint=is_leg_joint,
+        inertia=_apparent_inertia(plant, posture),
         drives=robot.drives,
     )
 
@@ -247,6 +251,14 @@ def _by_joint(
         )
         vector[plant.GetJointByName(joint).velocity_start() - 6] = value
     return vector
+
+
+def _apparent_inertia(plant: MultibodyPlant, posture: Array) -> Array:
+    """Torque per acceleration (nj,) [kg m^2] of each joint, all else free."""
+    context = plant.CreateDefaultContext()
+    positions: Any = np.concatenate((_UPRIGHT, posture))
+    plant.SetPositions(context, positions)
+    return 1.0 / np.diag(np.linalg.inv(plant.CalcMassMatrix(context)))[6:]
 
 
 def _ankle(robot: RobotModel, plant: MultibodyPlant, side: Side) -> Array:

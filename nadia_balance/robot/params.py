@@ -6,7 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import nadia_balance
-from nadia_balance.core.body.model import JointDriveParams, LegGeometry
+from nadia_balance.core.body.model import (
+    JointDriveParams,
+    JointImpedanceParams,
+    LegGeometry,
+)
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -88,6 +92,10 @@ class RobotParams:
         JointDriveParams,
         doc="drives of the joints; null: ideal ones, with full torque at any "
         "speed, without lag",
+    )
+    impedance: JointImpedanceParams = bounded(
+        JointImpedanceParams,
+        doc="what the drives add to the torques, if the sensors have noise",
     )
     self_collisions: bool = bounded(
         True,

@@ -25,11 +25,16 @@ from nadia_balance.systems.ports import Block, Input, input_port
 class JointDrives(Block):
     """Filters the commanded torques: first-order lag, torque-speed limits.
 
-    `actuation` (nu,) [N m] are the commanded torques, `torques` (nu,) [N m]
-    those of the drives, both in the order of the plant's actuators; `state` is
-    [q, v] of the plant.  The discrete state is `torques`, 0 at the start, and
-    the last command with the number of steps that it still holds; it is updated
-    in every step of the plant, so that a command acts one step late.
+        u = tau + kp (q_d - q) + kd (v_d - v)
+
+    is commanded in every step of the plant by a `joint_command` (5 nu,), [q_d,
+    v_d, tau, kp, kd] in [rad, s, N m], or tau alone by an `actuation` (nu,) [N
+    m], one of which is connected; `torques` (nu,) [N m] are those that act.
+    All are in the order of the plant's actuators; `state` is [q, v] of the
+    plant: a drive knows its joint without noise.  The discrete state is
+    `torques`, 0 at the start, and the last command with the number of steps
+    that it still holds; it is updated in every step of the plant, so that a
+    command acts one step late.
 
     Args:
         plant: plant that has no robot but this one.
@@ -44,7 +49,7 @@ class JointDrives(Block):
     .. pydrake_system::
 
         name: JointDrives
-        input_ports: [actuation, state]
+        input_ports: [actuation, joint_command, state]
         output_ports: [torques]
     """
 
@@ -58,9 +63,11 @@ class JointDrives(Block):
         self._later = whole_ticks("period", period or step, step) - 1.0
         velocities = actuated_velocities(plant)
         self._speeds = plant.num_positions() + velocities
+        # The base has a quaternion, one number more than it has velocities.
+        self._joints = np.concatenate((velocities + 1, self._speeds))
         self._max_torques: Any = plant.GetEffortUpperLimits()
         self._max_speeds = robot.max_joint_speeds[velocities - 6]
-        self._corner_speed = robot.drives.corner_speed
+        self._corner_speed = robot.corner_speeds[velocities - 6]
         # Up to the corner speed the limits are constant.  The margin is large
         # against rounding.
         self._per_corner_speed = np.zeros(plant.num_multibody_states())
@@ -70,12 +77,15 @@ class JointDrives(Block):
         self._full: Any = np.negative(self._max_torques), self._max_torques
         self._share = lag_share(robot.drives.bandwidth, step)
         self._actuation = input_port(self, "actuation", velocities.size)
+        self._command = input_port(self, "joint_command", 5 * velocities.size)
+        self._command_port = self.GetInputPort("joint_command")
         self._state = input_port(self, "state", plant.num_multibody_states())
         self.DeclareStateOutputPort(
             "torques", self.DeclareDiscreteState(velocities.size)
         )
-        # The last command, and for how many more steps it holds.
-        self.DeclareDiscreteState(velocities.size + 1)
+        # Of the last command the torques at [q, v] = 0 and the gains, and for
+        # how many more steps it holds.
+        self.DeclareDiscreteState(3 * velocities.size + 1)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
@@ -86,11 +96,32 @@ class JointDrives(Block):
         if held[-1] > 0.0:
             held[-1] -= 1.0
         else:
-            held[:-1] = self._actuation(context)
+            q, v, tau, kp, kd = self.command(context)
+            held[: tau.size] = tau + kp * q + kd * v
+            held[tau.size : -1] = np.concatenate((kp, kd))
             held[-1] = self._later
-        lower, upper = self._limits(self._state(context))
-        following = torques + self._share * (held[:-1] - torques)
+        state = self._state(context)
+        lower, upper = self._limits(state)
+        n = torques.size
+        back = held[n:-1] * state[self._joints]
+        commanded = held[:n] - back[:n] - back[n:]
+        following = torques + self._share * (commanded - torques)
         np.maximum(np.minimum(following, upper), lower, out=torques)
+
+    def command(self, context: Context) -> Array:
+        """The joint command now, that of `actuation` with gains of 0.
+
+        Args:
+            context: that of this block.
+
+        Returns:
+            [q_d, v_d, tau, kp, kd] (5, nu).
+        """
+        if self._command_port.HasValue(context):
+            return np.reshape(self._command(context), (5, -1))
+        command = np.zeros((5, self._max_torques.size))
+        command[2] = self._actuation(context)
+        return command
 
     def _limits(self, state: Array) -> Any:
         """The least and the largest torques (nu) [N m] in the state."""

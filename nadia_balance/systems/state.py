@@ -7,6 +7,8 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.model import lag_share
+from nadia_balance.core.estimation.motion_filter import motion_filter
+from nadia_balance.core.estimation.sensors import SAMPLE, SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import alip_velocity, icp
 from nadia_balance.core.walking.state import FootPose, FootPoses, whole_ticks
@@ -31,19 +33,23 @@ class StatePredictor(Block):
     commanded since.  Over the `lead` until the torques act: q += lead v.  There
     the velocity is kept: the last tick's accelerations make the loop unstable.
 
+    The noise of `sensors` is filtered before, with the accelerations that were
+    commanded (see MotionFilter): else torques would follow it.
+
     `estimated_state` is [q, v] of the robot's `control_plant` a `delay` ago,
     `predicted_state` the same a `lead` from now.  `generalized_acceleration`
-    (nv,), a port only with a delay, is the acceleration that the QP expects of
-    the torques of a tick (see WholeBodyInverseDynamics); the drives' lag
-    filters it.  The discrete state, only with a delay, is the filtered
-    acceleration now, and its means over the periods of the delay, the latest
-    first; 0 at the start.
+    (nv,), a port only with a delay or a noise, is the acceleration that the QP
+    expects of the torques of a tick (see WholeBodyInverseDynamics); the drives'
+    lag filters it.  The discrete states, only then, are the filtered
+    acceleration now, and its means over the last periods, the latest first, 0
+    at the start; and the filtered motion (2, nv), and 1 once there is one.
 
     Args:
         robot: robot whose state is predicted.
         period: control period [s].
         delay: of the measurement [s], a multiple of the period.
         lead: time until the torques of a tick act [s].
+        sensors: whose noise is filtered; None: there is none.
 
     Raises:
         ValueError: another delay.
@@ -61,6 +67,7 @@ class StatePredictor(Block):
         period: float,
         delay: float = 0.0,
         lead: float = 0.0,
+        sensors: SensorParams | None = None,
     ) -> None:
         super().__init__()
         self._period, self._lead = period, lead
@@ -68,7 +75,11 @@ class StatePredictor(Block):
         self._nq, self._nv = plant.num_positions(), plant.num_velocities()
         num_states = plant.num_multibody_states()
         self._state = input_port(self, "estimated_state", num_states)
-        self._periods = whole_ticks("delay", delay, period)
+        self._delays = whole_ticks("delay", delay, period)
+        self._filter = None
+        if sensors is not None and sensors.joint_speed_noise > 0.0:
+            self._filter = motion_filter(_noise(sensors, self._nv), period)
+        self._periods = self._delays + (self._filter is not None)
         if self._periods:
             self._commanded = input_port(
                 self, "generalized_acceleration", self._nv
@@ -80,6 +91,8 @@ class StatePredictor(Block):
                 self._mean_share -= self._share * robot.drives.lag / period
             self.DeclareDiscreteState((1 + self._periods) * self._nv)
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
+        if self._filter:
+            self.DeclareDiscreteState(2 * self._nv + 1)
         self.DeclareVectorOutputPort(
             "predicted_state",
             num_states,
@@ -89,13 +102,13 @@ class StatePredictor(Block):
 
     def _accelerations(self, context: Context) -> Any:
         """Accelerations (1 + n, nv): now, and n means, the latest first."""
-        values: Any = context.get_discrete_state_vector().value()
+        values: Any = context.get_discrete_state(0).value()
         return values.reshape(-1, self._nv)
 
     def _remember(self, context: Context, new: Any) -> None:
         now, *means = self._accelerations(context)
         missing = self._commanded(context) - now
-        new.set_value(
+        new.get_mutable_vector(0).SetFromVector(
             np.concatenate(
                 (
                     now + self._share * missing,
@@ -104,22 +117,60 @@ class StatePredictor(Block):
                 )
             )
         )
+        if self._filter:
+            motion = self._motion(context, self._state(context))
+            new.get_mutable_vector(1).SetFromVector(np.append(motion, 1.0))
+
+    def _motion(self, context: Context, state: Array) -> Array:
+        """Positions and velocities (2, nv) when measured, without noise.
+
+        The positions of the base are 0.
+        """
+        measured = np.zeros((2, self._nv))
+        measured[0, 6:] = state[7 : self._nq]
+        measured[1] = state[self._nq :]
+        last: Any = context.get_discrete_state(1).value()
+        if self._filter is None or not last[-1]:
+            return measured
+        h, expected = self._period, last[:-1].reshape(2, -1).copy()
+        acceleration = self._accelerations(context)[-1]
+        expected[0] += h * (expected[1] + 0.5 * h * acceleration)
+        expected[1] += h * acceleration
+        return self._filter.corrected(expected, measured)
 
     def _calc_state(self, context: Context, output: Any) -> None:
         state = self._state(context)
         q, v = state[: self._nq], state[self._nq :]
         if not q[0] and not q[:4].any():
             raise self._state.error(context, "has the quaternion 0")
-        if self._periods:
+        if self._filter:
+            positions, v = self._motion(context, state)
+            q = np.concatenate((q[:7], positions[6:]))
+        if self._delays:
             h = self._period
             displacement = np.zeros(self._nv)
-            for acceleration in self._accelerations(context)[:0:-1]:
+            means = self._accelerations(context)[1 : 1 + self._delays]
+            for acceleration in means[::-1]:
                 displacement += h * (v + 0.5 * h * acceleration)
                 v = v + h * acceleration
             q = moved(q, displacement, time=1.0)
         if self._lead:
             q = moved(q, v, time=self._lead)
         output.SetFromVector(np.concatenate((q, v)))
+
+
+def _noise(sensors: SensorParams, nv: int) -> Array:
+    """Standard deviations (2, nv) of the measured positions and velocities.
+
+    The base's orientation and place are filtered already; a rate is that of the
+    gyro's latest sample.
+    """
+    noise = np.zeros((2, nv))
+    noise[0] = np.inf
+    noise[1, :3] = sensors.gyro_noise / math.sqrt(SAMPLE)
+    noise[0, 6:] = sensors.joint_noise
+    noise[1, 6:] = sensors.joint_speed_noise
+    return noise
 
 
 def moved(q: Array, v: Array, time: float) -> Array:

@@ -6,14 +6,18 @@ from typing import Any, cast
 import numpy as np
 from pydrake.systems.framework import Context
 
-from nadia_balance.core.body.model import PointMassModel
+from nadia_balance.core.body.model import JointImpedanceParams, PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import USUAL
-from nadia_balance.core.whole_body.command import SOLES, whole_body_command
+from nadia_balance.core.whole_body.command import (
+    SOLES,
+    WholeBodyTerms,
+    whole_body_command,
+)
 from nadia_balance.core.whole_body.limits import friction_after
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.core.whole_body.qp import WholeBodyQp
+from nadia_balance.core.whole_body.qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.core.whole_body.tasks import Task
 from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import RobotModel
@@ -35,6 +39,9 @@ class WholeBodyInverseDynamics(Block):
 
     `friction` is by default that of the parameters; `actuation` [N m] is in the
     order of the plant's actuators; `generalized_acceleration` (nv,) is vdot.
+    `joint_command` (5 nu,) are in that order the positions [rad] and speeds
+    [rad/s] that vdot leads to in the middle of the tick, the torques [N m], and
+    stiffness [N m/rad] and damping [N m s/rad] about that motion.
     `mechanisms`, `icp` and `icp_reference` are for `tasks` alone: by default
     all are on, and there is no error.
 
@@ -52,6 +59,7 @@ class WholeBodyInverseDynamics(Block):
         robot: robot whose joints are driven.
         period: control period [s].
         tasks: tasks that are added to those of the QP (see Task).
+        impedance: that of the joint command; None: torques alone.
 
     .. pydrake_system::
 
@@ -59,8 +67,8 @@ class WholeBodyInverseDynamics(Block):
         input_ports: [whole_body_terms, momentum_rate, swing_foot_reference,
                       walking_state, friction, mechanisms, icp,
                       icp_reference]
-        output_ports: [actuation, foot_wrenches, whole_body_qp_status,
-                       generalized_acceleration]
+        output_ports: [actuation, joint_command, foot_wrenches,
+                       whole_body_qp_status, generalized_acceleration]
     """
 
     def __init__(
@@ -69,6 +77,7 @@ class WholeBodyInverseDynamics(Block):
         robot: RobotModel,
         period: float,
         tasks: Iterable[Task] = (),
+        impedance: JointImpedanceParams | None = None,
     ) -> None:
         super().__init__()
         plant, tasks = robot.control_plant(), tuple(tasks)
@@ -77,6 +86,11 @@ class WholeBodyInverseDynamics(Block):
         self._qp = WholeBodyQp(params, self._model, period, tasks=tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
         self._joint_of_actuator = actuated_velocities(plant) - 6
+        inertia = self._model.inertia[self._joint_of_actuator]
+        self._kp = inertia * (impedance.stiffness**2 if impedance else 0.0)
+        self._kd = inertia * (impedance.damping if impedance else 0.0)
+        self._half = 0.5 * period
+        self._lag = robot.drives.lag if robot.drives else 0.0
         self._terms = input_port(self, "whole_body_terms")
         self._momentum_rate = input_port(self, "momentum_rate")
         self._swing = input_port(
@@ -93,6 +107,7 @@ class WholeBodyInverseDynamics(Block):
             self,
             outputs={
                 "actuation": len(self._joint_of_actuator),
+                "joint_command": 5 * len(self._joint_of_actuator),
                 "foot_wrenches": 12,
                 "whole_body_qp_status": size(QpStatus),
                 "generalized_acceleration": plant.num_velocities(),
@@ -137,6 +152,7 @@ class WholeBodyInverseDynamics(Block):
             if solution.qp.solved:
                 return (
                     solution.torques[self._joint_of_actuator],
+                    self._joint_command(terms, solution),
                     solution.wrenches,
                     status,
                     solution.vdot,
@@ -146,11 +162,34 @@ class WholeBodyInverseDynamics(Block):
         torques = self._qp.damping_torques(terms, torques)
         return (
             torques[self._joint_of_actuator],
+            self._damping_command(terms, torques),
             np.zeros(12),
             status,
             np.zeros(terms.v.size),
             torques,
             [unsolved + 1],
+        )
+
+    def _joint_command(
+        self, terms: WholeBodyTerms, solution: WholeBodySolution
+    ) -> Array:
+        """The joint command (5 nu,) of a solution.
+
+        The positions of the terms are those when the torques act: by the lag of
+        the drives, the speeds are kept, too late for the motion itself.
+        """
+        i, h = self._joint_of_actuator, self._half
+        v, a = terms.v[6:][i], solution.vdot[6:][i]
+        q = terms.q[7:][i] - self._lag * v + 0.5 * h * h * a
+        torques = solution.torques[i]
+        return np.concatenate((q, v + h * a, torques, self._kp, self._kd))
+
+    def _damping_command(self, terms: WholeBodyTerms, torques: Array) -> Array:
+        """That of a tick without a solution: joints at rest, where they are."""
+        i = self._joint_of_actuator
+        none = np.zeros(i.size)
+        return np.concatenate(
+            (terms.q[7:][i], none, torques[i], none, self._kd)
         )
 
     def _icp_error(self, context: Context) -> Array:

@@ -206,6 +206,23 @@ def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
     assert "no longer welded to the world: pelvis" in notes.of("changed")
 
 
+def test_says_what_hangs_elsewhere_in_the_world(tmp_path):
+    """Oracle: a motor on a stand, 20 m up; the robot of the file without it."""
+    stand = (
+        '<body name="stand" pos="0 0 20"><joint name="dummy" range="-1 1"/>'
+        '<geom type="sphere" size="0.1"/></body></worldbody>'
+    )
+    motor = '<actuator><motor joint="dummy"/>'
+    with_motor = MJCF.replace("</worldbody>", stand)
+    with_motor = with_motor.replace("<actuator>", motor)
+    written = []
+    for name, text in ("alone", MJCF), ("both", with_motor):
+        notes = made(text, tmp_path, name)
+        written.append((tmp_path / name / "robot.urdf").read_text())
+    assert written[0] == written[1]
+    assert "left out, not joined to the robot: stand" in notes.of("changed")
+
+
 @pytest.mark.parametrize(
     "old, new, message",
     [

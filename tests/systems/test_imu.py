@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from nadia_balance.core.estimation.sensors import SensorParams
-from nadia_balance.systems.estimation import SAMPLE, Imu
+from nadia_balance.core.estimation.sensors import SAMPLE, SensorParams
+from nadia_balance.systems.estimation import Imu
 from tests import blocks
 from tests.whole_body_examples import nadia, standing_state
 

@@ -5,10 +5,12 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import bounded, parameters
 
+SAMPLE = 0.001  # of the gyro's latest rate [s]
+
 
 @parameters
 class SensorParams:
-    """IMU, joint encoders and foot force sensors of a robot.
+    """IMU, joint encoders and foot force sensors, if any, of a robot.
 
     A white noise of density N has the standard deviation N / sqrt(T) in a mean
     over the time T.  Biases are drawn once a run, with these standard
@@ -83,6 +85,12 @@ class SensorParams:
         least=0.0,
         most=1.0,
         doc="offset of a foot force, as a share of the robot's weight",
+    )
+    foot_forces: str = bounded(
+        "measured",
+        one_of=("measured", "estimated"),
+        doc="measured by sensors in the feet, or estimated from the joints' "
+        "torques (see FootForceEstimator)",
     )
     delay: float = bounded(
         0.0,

@@ -48,7 +48,9 @@ class WholeBodyModel:
         position_upper: limits (nj,) [rad].
         max_torque: limits (nj,) [N m].
         max_speed: limits (nj,), which may be infinite [rad/s].
+        corner_speed: shares (nj,) of them with the full torque [-].
         is_leg_joint: whether it is one (nj,).
+        inertia: apparent inertia of each in the air (nj,) [kg m^2].
         drives: without, torques have no speed or rate limits.
     """
 
@@ -61,7 +63,9 @@ class WholeBodyModel:
     position_upper: Array
     max_torque: Array
     max_speed: Array
+    corner_speed: Array
     is_leg_joint: NDArray[np.bool_]
+    inertia: Array
     drives: JointDriveParams | None = None
 
     @property
