@@ -13,13 +13,19 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test lint browser coverage site results robustness policy clean
+.PHONY: push test learn lint browser coverage site results robustness policy clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
 
 test: lint browser
 	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
+
+# The notebooks, in a browser.
+learn: .venv/installed
+	$(PIP_INSTALL) '.[notebook]'
+	$(BIN)/jupyter lab --ServerApp.root_dir=$(CURDIR) \
+		docs/learn/point_mass.ipynb $(ARGS)
 
 # The lines that the tests have run.
 coverage: browser
@@ -60,16 +66,18 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 	cp $(MADE)/figures/nadia_figure_4.png docs/capture_regions.png
 	cp $(MADE)/figures/nadia_figure_4.svg docs/capture_regions.svg
 	$(BIN)/python docs/figures/envelopes.py --out docs/envelopes.png
-	cd docs && ../$(BIN)/python -c 'import nbclient, nbformat; \
-		book = nbformat.read("learning.ipynb", 4); \
-		nbclient.NotebookClient(book, record_timing=False).execute(); \
-		nbformat.write(book, "learning.ipynb")'
+	for book in docs/learn/*.ipynb; do \
+		$(BIN)/python -c 'import nbclient, nbformat, sys; \
+			book = nbformat.read(sys.argv[1], 4); \
+			nbclient.NotebookClient(book, record_timing=False).execute(); \
+			nbformat.write(book, sys.argv[1])' $$book || exit 1; \
+	done
 	$(BIN)/python docs/figures/reference.py
 	$(BIN)/python -c 'import sys; \
 		from nadia_balance.results.versions import commit_of; \
 		print("commit", commit_of(), "python", *sys.version_info[:2])' \
 		> docs/results/made.txt
-	sha256sum docs/*.gif docs/*.ipynb docs/*.png docs/*.svg \
+	sha256sum docs/*.gif docs/learn/*.ipynb docs/*.png docs/*.svg \
 		docs/results/*/*.png docs/results/*/*.svg >> docs/results/made.txt
 
 $(MADE)/g1.swept: SWEEP := --robot g1 --resolution 0.05 --stride 4 \

@@ -29,6 +29,7 @@ exclude_patterns = [
     "diagrams",
     "dist",
     "docs/figures",
+    "docs/publish",
     "envelopes",
     "nadia_balance",
     "runs",
