@@ -55,6 +55,7 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 	cp $(MADE)/figures/nadia_figure_4.png docs/capture_regions.png
 	cp $(MADE)/figures/nadia_figure_4.svg docs/capture_regions.svg
 	$(BIN)/python docs/figures/envelopes.py --out docs/envelopes.png
+	$(BIN)/python docs/figures/play.py --out docs/play.html
 	cd docs && ../$(BIN)/python -c 'import nbclient, nbformat; \
 		book = nbformat.read("learning.ipynb", 4); \
 		nbclient.NotebookClient(book, record_timing=False).execute(); \
