@@ -187,7 +187,8 @@ ARRAYS = {
     "joint_speed_columns": ("(nu,)", "of the joints' speeds in `state`"),
     "capture_regions": (
         "(k, 4) s, -, m",
-        "corners of C_1 and C_N every 0.05 s of a swing: time, n, x, y",
+        "with Meshcat, corners of C_1 and C_N, 16 times a second of a swing: "
+        "time, n, x, y",
     ),
     "region_base": ("(k, 2) m", "reach of the next step, legs not crossed"),
     "region_forward": ("(k, 2) m", "the same, crossing in front"),
