@@ -66,6 +66,7 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 	cp $(MADE)/figures/nadia_figure_4.png docs/capture_regions.png
 	cp $(MADE)/figures/nadia_figure_4.svg docs/capture_regions.svg
 	$(BIN)/python docs/figures/envelopes.py --out docs/envelopes.png
+	$(BIN)/python docs/figures/play.py --out docs/play.html
 	for book in docs/learn/*.ipynb; do \
 		$(BIN)/python -c 'import nbclient, nbformat, sys; \
 			book = nbformat.read(sys.argv[1], 4); \

@@ -19,7 +19,12 @@ from pydrake.systems.framework import (
     OutputPort,
     System,
 )
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLog
+from pydrake.systems.primitives import (
+    LogVectorOutput,
+    Multiplexer,
+    VectorLog,
+    VectorLogSink,
+)
 
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.arrays import Array
@@ -98,6 +103,7 @@ class ClosedLoop(Diagram):
         super().__init__()
         self.scenario = scenario
         self.robot: RobotModel = load_robot(scenario.robot, scenario.fidelity)
+        self._regions: VectorLogSink | None = None
         # The true one; None: flat.
         self._ground = scenario.terrain.ground(
             self.robot.sole, self.robot.params.size
@@ -230,6 +236,10 @@ class ClosedLoop(Diagram):
             builder.AddNamedSystem("balance_visualizer", view)
             for name in filter(self.signals.get, DRAWN):
                 builder.Connect(self.signals[name], view.GetInputPort(name))
+            if "capture_regions" in self.signals:
+                self._regions = add_region_log(
+                    builder, self.signals["capture_regions"]
+                )
         logged = {
             name: self.signals[name] for name in LOGGED if name in self.signals
         } | ports
@@ -242,11 +252,6 @@ class ClosedLoop(Diagram):
             multiplexer.get_output_port(), builder, publish_period=period
         )
         self._log.set_name("log")
-        self._regions = None
-        if "capture_regions" in self.signals:
-            self._regions = add_region_log(
-                builder, self.signals["capture_regions"]
-            )
         for name in filter(self.signals.get, EXPORTED):
             builder.ExportOutput(self.signals[name], name)
         builder.BuildInto(self)

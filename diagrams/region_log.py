@@ -1,4 +1,9 @@
-"""The capture regions of a run, as rows of a log."""
+"""The capture regions of a run, as rows of a log.
+
+They are logged where they are drawn, at the same times: at other times than
+those of the ticks, or of the drawings, all that they follow from would be
+computed once more.
+"""
 
 from typing import Any
 
@@ -8,8 +13,8 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.systems.ports import Block, input_port
+from nadia_balance.view.balance_visualizer import REGIONS_PERIOD
 
-PERIOD = 0.05  # from one row to the next [s]
 MOST_CORNERS = 64  # of a region; of one with more, some are left out
 _SIZE = 2 * (1 + 2 * MOST_CORNERS)  # of a row: n of C_n and corners, twice
 
@@ -55,12 +60,12 @@ def add_region_log(
         regions: port of the capture regions, in the builder.
 
     Returns:
-        The log, a row every PERIOD.
+        The log, a row every REGIONS_PERIOD.
     """
     corners = builder.AddNamedSystem("region_corners", RegionCorners())
     builder.Connect(regions, corners.get_input_port())
     log = LogVectorOutput(
-        corners.get_output_port(), builder, publish_period=PERIOD
+        corners.get_output_port(), builder, publish_period=REGIONS_PERIOD
     )
     log.set_name("region_log")
     return log
@@ -76,7 +81,7 @@ def region_rows(times: Array, rows: Array) -> Array:
     Returns:
         (k, 4): time [s], n of C_n, and x, y [m] of each corner.
     """
-    regions = rows.reshape(len(rows) * 2, -1)
+    regions = rows.reshape(2 * len(rows), _SIZE // 2)
     number = regions[:, 0].repeat(MOST_CORNERS)
     corners = regions[:, 1:].reshape(-1, 2)
     time = times.repeat(2 * MOST_CORNERS)

@@ -302,8 +302,8 @@ def _footstep_planner(
 class BalanceController(Diagram):
     """Computes joint torques from the robot's state.
 
-    Signals are connected by their names; `actuation` [N m] is in the order of
-    the plant's actuators:
+    Signals are connected by their names; `actuation` [N m] and `joint_command`
+    (see WholeBodyInverseDynamics) are in the order of the plant's actuators:
 
     ========================  ============================  ==================
     block                     reads                         writes
@@ -323,18 +323,19 @@ class BalanceController(Diagram):
     friction_estimator        whole_body_terms,             friction
                               foot_wrenches
     whole_body_...            whole_body_terms,             actuation,
-    inverse_dynamics          momentum_rate, friction,      foot_wrenches,
-                              walking_state,                generalized_...
-                              swing_foot_reference, and     acceleration
-                              for tasks of one's own
+    inverse_dynamics          momentum_rate, friction,      joint_command,
+                              walking_state,                foot_wrenches,
+                              swing_foot_reference, and     generalized_...
+                              for tasks of one's own        acceleration
                               icp, icp_reference,
                               mechanisms
     ========================  ============================  ==================
 
     Three loops are closed by states of the last tick: the walking state, the
-    friction coefficient and, with a delay, the acceleration.  `estimated_state`
-    is [q, v] of the robot's `control_plant`, `foot_forces` (2,) [N] are those
-    of the left and the right foot; `mechanisms` (4,), all on if not connected.
+    friction coefficient and, with a delay or noise, the acceleration.
+    `estimated_state` is [q, v] of the robot's `control_plant`, `foot_forces`
+    (2,) [N] are those of the left and the right foot; `mechanisms` (4,), all on
+    if not connected.
 
     Any evaluation of `actuation` gives the torque of that control tick: before
     the update of the tick it is computed from the inputs, afterwards it is
@@ -368,7 +369,7 @@ class BalanceController(Diagram):
                        no_foothold, ecmp_command, momentum_qp_status,
                        momentum_rate,
                        swing_foot_reference, friction, actuation,
-                       foot_wrenches, whole_body_qp_status,
+                       joint_command, foot_wrenches, whole_body_qp_status,
                        generalized_acceleration]
     """
 

@@ -50,7 +50,7 @@ STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
 HEIGHT_CONTROL = "com_state ecmp_command walking_state"
 STEPS = "adjustment", "capture_regions"
 WHOLE_BODY = "actuation", "foot_wrenches", "whole_body_qp_status"
-WHOLE_BODY += ("generalized_acceleration",)
+WHOLE_BODY += ("generalized_acceleration", "joint_command")
 QP, REFERENCE = ("ecmp_command", "momentum_qp_status"), "icp_reference"
 FOOTSTEPS = dict.fromkeys(
     ("footsteps", "revised_footsteps"),
@@ -139,7 +139,9 @@ def diagrams() -> list[Diagram]:
         return load_scenario("walk_in_place", text=text, **changes)
 
     return [
-        HumanoidDiagram(scenario(real, sensors="consumer"), start_meshcat()[0]),
+        HumanoidDiagram(
+            scenario(real, sensors="proprioceptive"), start_meshcat()[0]
+        ),
         LipmDiagram(scenario(real)),
         LipmDiagram(scenario(qp)),
         HumanoidDiagram(scenario(engine="mujoco")),

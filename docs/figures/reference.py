@@ -93,6 +93,11 @@ SUMMARY = {
         "usual, first in the arms, whose swing turns the trunk",
     ),
     "max_torque_step": ("N m", "largest change of a torque in a control tick"),
+    "torque_step_ratio": (
+        "1",
+        "change of a torque in a tick over its limit: of the worst joint, the "
+        "median of all ticks",
+    ),
     "max_joint_speed": ("rad/s", "of the fastest joint"),
     "max_joint_speed_ratio": ("1", "largest joint speed over its limit"),
     "max_power_w": ("W", "largest power of all drives together, net"),
@@ -182,7 +187,8 @@ ARRAYS = {
     "joint_speed_columns": ("(nu,)", "of the joints' speeds in `state`"),
     "capture_regions": (
         "(k, 4) s, -, m",
-        "corners of C_1 and C_N every 0.05 s of a swing: time, n, x, y",
+        "with Meshcat, corners of C_1 and C_N, 16 times a second of a swing: "
+        "time, n, x, y",
     ),
     "region_base": ("(k, 2) m", "reach of the next step, legs not crossed"),
     "region_forward": ("(k, 2) m", "the same, crossing in front"),

@@ -6,8 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side
-from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+from nadia_balance.new_robot.description import (
+    Anatomy,
+    Description,
+    Joint,
+    Leg,
+    Notes,
+)
 from nadia_balance.parameters.bounds import require
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
@@ -65,7 +72,9 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
                 for chain in (one, other)
             )
             # Arms may be as heavy, not as strong.
-            strength = 1.0 + np.mean([joint.effort for joint in one + other])
+            strength = 1.0 + np.mean(
+                _efforts(robot, one) + _efforts(robot, other)
+            )
             pairs.append((mass * strength, pair, one, other))
     require(
         len(pairs) > 0,
@@ -79,6 +88,17 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
         Leg(foot, [joint.name for joint in chain])
         for foot, chain in zip(pair, (one, other), strict=True)
     ]
+
+
+def _efforts(robot: Description, chain: Sequence[Joint]) -> list[float]:
+    """The effort limits [N m]; 0 for one beyond the weight times the chain.
+
+    It is no motor's, but stands in a file for a limit that nobody knows.
+    """
+    points, _ = robot.hinges([joint.name for joint in chain], robot.poses())
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    most = GRAVITY * robot.mass(robot.links) * float(length)
+    return [joint.effort * (joint.effort <= most) for joint in chain]
 
 
 def _torso(robot: Description, legs: Sequence[Leg]) -> str:

@@ -368,6 +368,20 @@ def torque_ratio(log: Log) -> Array:
     return np.abs(log["actuation"]) / log["effort_limits"]
 
 
+def torque_step_ratio(log: Log) -> float | None:
+    """Returns how much the torques of the drives change from tick to tick.
+
+    Args:
+        log: log of a run, with the drives' torques.
+
+    Returns:
+        Step of the worst joint in a tick over its limit, the median of all
+        ticks [-]; None of a single one.
+    """
+    steps = np.abs(np.diff(log["torques"], axis=0)) / log["effort_limits"]
+    return float(np.median(steps.max(axis=1))) if len(steps) else None
+
+
 def joint_speed(log: Log) -> Array:
     """Returns the speeds of the joints.
 
@@ -508,6 +522,7 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
         ("actuation",),
         lambda x: abs(np.diff(x["actuation"].T)),
     ),
+    "torque_step_ratio": (("torques", "effort_limits"), torque_step_ratio),
     "max_joint_speed": (("state",), joint_speed),
     "max_joint_speed_ratio": (("joint_speed_limits",), joint_speed_ratio),
     "max_power_w": (("torques",), lambda x: _powers(x).sum(axis=1)),

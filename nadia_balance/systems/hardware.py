@@ -83,9 +83,9 @@ class JointDrives(Block):
         self.DeclareStateOutputPort(
             "torques", self.DeclareDiscreteState(velocities.size)
         )
-        # Of the last command the torques at [q, v] = 0 and the gains, and for
-        # how many more steps it holds.
-        self.DeclareDiscreteState(3 * velocities.size + 1)
+        # Of the last command the torques at [q, v] = 0, the gains and whether
+        # there are any, and for how many more steps it holds.
+        self.DeclareDiscreteState(3 * velocities.size + 2)
         self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._follow)
 
     def _follow(self, context: Context, new: DiscreteValues) -> None:
@@ -98,13 +98,14 @@ class JointDrives(Block):
         else:
             q, v, tau, kp, kd = self.command(context)
             held[: tau.size] = tau + kp * q + kd * v
-            held[tau.size : -1] = np.concatenate((kp, kd))
-            held[-1] = self._later
-        state = self._state(context)
+            held[tau.size : -2] = gains = np.concatenate((kp, kd))
+            held[-2:] = gains.any(), self._later
+        state, n = self._state(context), torques.size
         lower, upper = self._limits(state)
-        n = torques.size
-        back = held[n:-1] * state[self._joints]
-        commanded = held[:n] - back[:n] - back[n:]
+        commanded = held[:n]
+        if held[-2]:
+            back = held[n:-2] * state[self._joints]
+            commanded = commanded - back[:n] - back[n:]
         following = torques + self._share * (commanded - torques)
         np.maximum(np.minimum(following, upper), lower, out=torques)
 

@@ -90,7 +90,9 @@ class WholeBodyInverseDynamics(Block):
         self._kp = inertia * (impedance.stiffness**2 if impedance else 0.0)
         self._kd = inertia * (impedance.damping if impedance else 0.0)
         self._half = 0.5 * period
-        self._lag = robot.drives.lag if robot.drives else 0.0
+        # By which the positions of the terms are ahead of the period's middle
+        # (see BalanceController).
+        self._ahead = robot.drives.lag if robot.drives else -self._half
         self._terms = input_port(self, "whole_body_terms")
         self._momentum_rate = input_port(self, "momentum_rate")
         self._swing = input_port(
@@ -175,12 +177,12 @@ class WholeBodyInverseDynamics(Block):
     ) -> Array:
         """The joint command (5 nu,) of a solution.
 
-        The positions of the terms are those when the torques act: by the lag of
-        the drives, the speeds are kept, too late for the motion itself.
+        The positions of the terms are those when the torques act, too late by
+        the lag of the drives for the motion itself.
         """
         i, h = self._joint_of_actuator, self._half
         v, a = terms.v[6:][i], solution.vdot[6:][i]
-        q = terms.q[7:][i] - self._lag * v + 0.5 * h * h * a
+        q = terms.q[7:][i] - self._ahead * v + 0.5 * h * h * a
         torques = solution.torques[i]
         return np.concatenate((q, v + h * a, torques, self._kp, self._kd))
 

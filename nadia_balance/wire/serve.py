@@ -1,6 +1,7 @@
 """Puts a SimulatedRobot at the end of a wire, with the faults of a bus."""
 
 import heapq
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -59,6 +60,7 @@ class Bus:
     seed: int = 0
     lost: int = 0
     late: int = 0
+    _silent_from: float = math.inf  # [s]
     _way: list[tuple[float, float, RobotState]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -74,8 +76,10 @@ class Bus:
         """
         faults = self.faults
         is_lost, is_late = self._random.random(2) < (faults.lost, faults.late)
-        begins = faults.silent_at
-        if is_lost or begins <= alone < begins + faults.silence:
+        if alone >= faults.silent_at:
+            self._silent_from = min(self._silent_from, state.time)
+        silent = state.time - self._silent_from
+        if is_lost or 0.0 <= silent < faults.silence - 1e-9:
             self.lost += 1
             return
         self.late += int(is_late)

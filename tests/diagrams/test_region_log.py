@@ -10,20 +10,21 @@ from nadia_balance.diagrams.region_log import RegionCorners, region_rows
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.systems.signals import read
+from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, asked
 
 
 def test_a_log_has_the_regions_of_its_times():
     """Oracle: the controller's own port, half-way in the first swing."""
     scenario = load_scenario("push")
-    diagram = LipmDiagram(scenario)
+    diagram = LipmDiagram(scenario, start_meshcat()[0])
     simulator = start(diagram)
-    simulator.AdvanceTo(1.6)
+    simulator.AdvanceTo(1.625)
     context = simulator.get_context()
     regions = read(diagram.signals["capture_regions"], context).regions
     rows = diagram.read_logs(context)["capture_regions"]
-    assert rows[-1, 0] == pytest.approx(1.6)
-    assert np.diff(np.unique(rows[:, 0])) == pytest.approx(0.05)
+    assert rows[-1, 0] == pytest.approx(1.625)
+    assert np.diff(np.unique(rows[:, 0])) == pytest.approx(0.0625)
     assert np.min(rows[:, 0]) > 0.8  # not before the swing
     last = rows[rows[:, 0] == rows[-1, 0]]
     for n in 1, len(regions):

@@ -195,6 +195,20 @@ def test_heavy_arms_are_not_taken_for_legs(tmp_path):
     assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
 
 
+def test_strong_arms_are_not_taken_for_legs(tmp_path):
+    """Oracle: the names; 50,000 N m stand for limits that nobody knows."""
+    arms = leg("a", 0.3) + leg("b", -0.3)
+    motors = "".join(
+        f'<motor joint="{n}_{name}" ctrllimited="true" ctrlrange="-5e4 5e4"/>'
+        for n in "ab"
+        for name in LEG
+    )
+    text = MJCF.replace("<actuator>", f"<actuator>{motors}")
+    chest = '<geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>'
+    guessed = made(text.replace(chest, chest + arms), tmp_path).of("guessed")
+    assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
+
+
 def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
     """Oracle: the robot that floats in the file."""
     found = []

@@ -1,10 +1,11 @@
-"""Oracle: the torque-speed line by hand; the lag: diagrams/test_robots.py."""
+"""Oracles: the torque-speed line and the law of the drives, by hand."""
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.hardware import JointDrives
 from tests.blocks import answer, fix, running
 from tests.whole_body_examples import nadia, standing_state
@@ -85,3 +86,33 @@ def test_refuses_a_period_that_the_plant_does_not_keep():
     """Oracle: the message names both."""
     with pytest.raises(ValueError, match=r"^period = 0.0015: .* 0.001 s"):
         JointDrives(PLANT, nadia(), 0.0015)
+
+
+@pytest.mark.parametrize("hardness", [0.5, 50.0])
+def test_springs_and_dampers_act_in_every_step(hardness):
+    """Oracle: the law by hand, within the limits; of each joint by itself."""
+    rng = np.random.default_rng(7)
+    plant, nu = nadia().control_plant(), LIMITS.size
+    q, v, kp, kd = rng.uniform(0.5, 1.5, (4, nu))
+    kp, tau = hardness * kp, 0.3 * LIMITS * rng.uniform(-1.0, 1.0, nu)
+    joints = [a.joint() for a in actuators(plant)]
+    now = standing_state().copy()
+    places = [joint.position_start() for joint in joints]
+    speeds = [plant.num_positions() + j.velocity_start() for j in joints]
+    now[speeds] = rng.uniform(-1.0, 1.0, nu)
+    system = JointDrives(PLANT, nadia(), 0.01)
+    command = np.concatenate((q, v, tau, kp, kd))
+    simulator, context = running(system, joint_command=command, state=now)
+    simulator.AdvanceTo(0.101)
+    # A state that changes within a period, in which the command is held.
+    now[places] += 0.1
+    fix(system, context, state=now, joint_command=np.full(5 * nu, np.nan))
+    simulator.AdvanceTo(0.109)
+    law = tau + kp * (q - now[places]) + kd * (v - now[speeds])
+    law = law.clip(-LIMITS, LIMITS)
+    last = (law + kp * 0.1).clip(-LIMITS, LIMITS)
+    left = np.exp(-0.008 / nadia().drives.lag)  # of 8 steps
+    expected = law + left * (last - law)
+    assert answer(system, context, "torques") == pytest.approx(
+        expected, rel=1e-3, abs=1e-3
+    )

@@ -9,8 +9,9 @@ from pydrake.systems.analysis import Simulator
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.params import load_sensors
 from nadia_balance.systems.state import StatePredictor
-from tests.blocks import answer, asked, running, tick
+from tests.blocks import answer, asked, fix, running, tick
 from tests.diagrams.simulated import SOON
 from tests.whole_body_examples import random_state, standing_state
 
@@ -101,3 +102,67 @@ def test_a_walking_robot_is_where_it_is_predicted():
     predictions, measurements = np.median(errors, axis=0)
     assert predictions[:NQ].max() < 0.1 * measurements[:NQ].max()
     assert predictions[NQ:].max() < 0.5 * measurements[NQ:].max()
+
+
+def test_noise_of_the_sensors_is_filtered_and_motion_is_not():
+    """Oracles: the motion itself, at the accelerations that are commanded; the
+    moments of the noise, of which it lets a third through.
+    """
+    delay, ticks, rng = 0.004, 400, np.random.default_rng(2)
+    sensors, period = load_sensors("consumer"), 0.004
+    predictor = StatePredictor(NADIA["ideal"], period, delay, sensors=sensors)
+    start, acceleration = standing_state(), np.zeros(len(standing_state()) - NQ)
+    acceleration[6:] = rng.uniform(-0.3, 0.3, acceleration.size - 6)
+    deviations = np.zeros(start.size)
+    deviations[7:NQ], deviations[NQ + 6 :] = 1e-3, 0.05
+
+    def state(t):
+        moved = start.copy()
+        moved[7:NQ] += 0.5 * acceleration[6:] * t * t
+        moved[NQ:] += acceleration * t
+        return moved
+
+    simulator, context = running(
+        predictor,
+        estimated_state=state(0.0),
+        generalized_acceleration=acceleration,
+    )
+    for noise in 0.0, 1.0:
+        errors = []
+        for _ in range(ticks):
+            t = simulator.get_context().get_time()
+            measured = state(t - delay) if t else state(0.0)
+            measured += noise * deviations * rng.normal(size=start.size)
+            fix(predictor, context, estimated_state=measured)
+            told = answer(predictor, context, "predicted_state").copy()
+            errors.append((told - state(t))[7:])
+            tick(simulator, period)
+        late = np.std(errors[ticks // 2 :], axis=0)
+        joints, speeds = late[: NQ - 7], late[NQ - 1 :]
+        if noise:
+            assert 5e-4 > joints.mean() > 1e-4
+            assert 0.02 > speeds.mean() > 0.005
+            assert (
+                np.diff(errors[ticks // 2 :], axis=0)[:, NQ - 1 :].std() < 0.01
+            )
+        else:
+            assert np.abs(errors[ticks // 2 :]).max() < 1e-4
+
+
+def test_an_impact_is_not_filtered():
+    """Oracle: by hand: 1 m/s more is told within the bound of the noise."""
+    sensors = load_sensors("consumer")
+    predictor = StatePredictor(NADIA["ideal"], 0.004, sensors=sensors)
+    state = standing_state().copy()
+    simulator, context = running(
+        predictor,
+        estimated_state=state,
+        generalized_acceleration=np.zeros(state.size - NQ),
+    )
+    tick(simulator, 0.004)
+    state[NQ:] += 1.0
+    fix(predictor, context, estimated_state=state)
+    told = answer(predictor, context, "predicted_state")[NQ:]
+    assert told[3:6] == pytest.approx(np.ones(3))  # estimated, not measured
+    assert np.all(told[6:] >= 1.0 - 3.0 * 0.05)
+    assert np.all(told[6:] < 1.0)

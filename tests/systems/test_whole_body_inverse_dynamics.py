@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from nadia_balance.core.body.model import JointImpedanceParams
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
+from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.signals import QpStatus
 from nadia_balance.systems.whole_body import WholeBodyInverseDynamics
 from tests import example_walks
@@ -15,6 +17,7 @@ from tests.core.whole_body.test_tasks import ELBOW, JointTask
 from tests.whole_body_examples import (
     PERIOD,
     command,
+    context_at,
     kinematics,
     make_infeasible,
     model,
@@ -124,3 +127,62 @@ def test_damps_without_a_solution_and_gives_up_in_the_end(
     assert QpStatus(status).solved == wrenches.any() == goes_on
     assert QpStatus(status).failures == unsolved + (not goes_on)
     assert actuation.any() == goes_on
+
+
+def moving_state() -> np.ndarray:
+    """Nadia stands; joints that are not of its legs move."""
+    state = standing_state().copy()
+    speeds = np.random.default_rng(3).uniform(-0.5, 0.5, model().num_joints)
+    speeds[model().is_leg_joint] = 0.0
+    state[-speeds.size :] = speeds
+    return state
+
+
+def test_the_joint_command_leads_along_the_accelerations_of_the_qp():
+    """Oracles: the motion from q, v at vdot, half a period on, in the plant's
+    order; of a mass m on a spring, kp = m w^2 and kd = m d.
+    """
+    impedance = JointImpedanceParams(stiffness=30.0, damping=50.0)
+    system = WholeBodyInverseDynamics(
+        WholeBodyQpParams(), nadia(), PERIOD, impedance=impedance
+    )
+    state, plant = moving_state(), kinematics().plant
+    values = inputs() | {"whole_body_terms": terms_at(state)}
+    context = asked(system, **values)
+    q, v, tau, kp, kd = answer(system, context, "joint_command").reshape(5, -1)
+    assert tau.tolist() == answer(system, context, "actuation").tolist()
+    vdot = answer(system, context, "generalized_acceleration")
+    half, lag = 0.5 * PERIOD, nadia().drives.lag
+    M = plant.CalcMassMatrix(context_at(state))
+    for i, actuator in enumerate(actuators(plant)):
+        joint = actuator.joint()
+        k, place = joint.velocity_start(), joint.position_start()
+        speed = state[plant.num_positions() + k]
+        assert v[i] == pytest.approx(speed + half * vdot[k])
+        # The state is that when torques act, lag and half a period ahead; the
+        # drives hold the joint in the middle of the period.
+        now = state[place] - (lag + half) * speed
+        later = now + half * speed + 0.5 * half**2 * vdot[k]
+        assert q[i] == pytest.approx(later, abs=1e-12)
+        # What is left of M when all else is free: its Schur complement.
+        others = np.delete(np.arange(len(M)), k)
+        held = np.linalg.solve(M[np.ix_(others, others)], M[others, k])
+        inertia = M[k, k] - M[k, others] @ held
+        assert kp[i] == pytest.approx(900.0 * inertia, rel=0.2)
+        assert kd[i] == pytest.approx(50.0 * inertia, rel=0.2)
+
+
+def test_without_a_solution_the_drives_damp(monkeypatch):
+    """Oracle: by hand: no spring; gains are 0 where there is no impedance."""
+    make_infeasible(monkeypatch)
+    for impedance in None, JointImpedanceParams(stiffness=30.0, damping=50.0):
+        system = WholeBodyInverseDynamics(
+            WholeBodyQpParams(), nadia(), PERIOD, impedance=impedance
+        )
+        context = asked(system, **inputs())
+        command = answer(system, context, "joint_command").reshape(5, -1)
+        assert (
+            command[2].tolist() == answer(system, context, OUTPUTS[0]).tolist()
+        )
+        assert not command[[1, 3]].any()
+        assert np.all(command[4] > 0.0) == bool(impedance)

@@ -60,6 +60,14 @@ def test_a_bus_is_silent_once():
     assert sent[gap + 1] == pytest.approx(3.2)
 
 
+def test_a_silence_goes_on_though_the_robot_is_lifted():
+    """Oracle: by hand: it stands alone for 10 ms."""
+    bus = Bus(BusFaults(silence=0.2, silent_at=0.006))
+    for tick in range(300):
+        bus.send(state(DT * tick), alone=DT * tick if tick < 5 else 0.0)
+    assert bus.lost == 100
+
+
 def test_a_share_is_one():
     """Oracle: its bounds."""
     with pytest.raises(ValueError, match=r"lost = 2.0: must be in \[0, 1\]"):
