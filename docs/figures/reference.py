@@ -82,10 +82,10 @@ SUMMARY = {
     "stance_slip_m": ("m", "largest way of a stance foot over the ground"),
     "touchdowns": (
         "",
-        "of each foot that meets the ground: its side, speed along the ground "
-        "and down of the lowest corner [m/s], tilt [rad], time before the end "
-        "of the swing [s], force in a step of the plant and over 10 ms [body "
-        "weights], slide in 0.1 s [m]",
+        "of each foot that meets the ground: its side; speed of the lowest "
+        "corner along the ground and down [m/s]; tilt [rad]. Time before the "
+        "end of the swing [s]; force in a step of the plant, and over 10 ms "
+        "[body weights]; slide in 0.1 s [m]",
     ),
     "max_torque_ratio": (
         "1",
@@ -333,8 +333,8 @@ def page() -> str:
     """
     lines = [
         "# Reference\n",
-        "Written by `python docs/figures/reference.py` from the code; a test "
-        "compares both.\n",
+        "For whoever looks up a flag, a scenario, a field or a signal. "
+        "`python docs/figures/reference.py` writes this page from the code.\n",
         "## Flags\n",
         *(line for script in SCRIPTS for line in flags(script)),
         "## Scenarios\n",

@@ -35,9 +35,9 @@ class IcpStepQpParams:
     step_weights: list[Weight] = bounded(
         lambda: [isotropic(10.0)],
         doc="Q_f,i: weight [[a, b], [b, c]] of the shift of footstep i, "
-        "positive semidefinite, x along its sole, y outward; the last one for "
-        "all steps after it; larger than R: the CoP reaches its limit before "
-        "a foothold moves",
+        "positive semidefinite, x along its sole, y outward. The last one is "
+        "for all steps after it; larger than R: the CoP reaches its limit "
+        "before a foothold moves",
     )
     feedback_weight: Weight = bounded(
         lambda: isotropic(1.0),
