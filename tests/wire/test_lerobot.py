@@ -101,7 +101,7 @@ def test_a_state_that_is_not_finite_damps(controller):
     caller.motors[3].dq = 2.0
     caller.imu.gyroscope = [np.nan, 0.0, 0.0]
     torques, _ = caller.step()
-    assert torques[3] == pytest.approx(-0.03 * 139.0 * 2.0)
+    assert torques[3] == pytest.approx(-0.03 * 111.0 * 2.0)
     assert np.abs(np.delete(torques, 3)).max() < 1e-12
 
 

@@ -24,7 +24,12 @@ def test_the_figures_are_of_the_data_sheets():
         found = load_sensors(name)
         assert found.gyro_noise == pytest.approx(gyro * 0.0174533, rel=5e-3)
         assert found.force_noise == pytest.approx(force * 9.81e-6, rel=5e-3)
-    assert set(SENSORS) == {"perfect", "consumer", "industrial"}
+    assert set(SENSORS) == {
+        "perfect",
+        "consumer",
+        "industrial",
+        "proprioceptive",  # consumer, without sensors in the feet
+    }
 
 
 @pytest.mark.parametrize(
