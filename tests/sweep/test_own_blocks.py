@@ -29,7 +29,8 @@ from tests.scripts.test_envelope import SWEEP, workers_here
 from tests.source_files import ROOT
 
 PAGE = (ROOT / "docs" / "own_blocks.md").read_text("utf-8")
-ADJUSTER = re.search(r"```python\n(.*?)scenario = ", PAGE, re.DOTALL)[1]
+EXAMPLE = (ROOT / "examples" / "own_block.py").read_text("utf-8")
+ADJUSTER = EXAMPLE.partition("\nmine = ")[0]
 CONTACTS = re.search(
     r"## A whole-body.*?```python\n(.*?)mine = ", PAGE, re.DOTALL
 )[1]
