@@ -158,8 +158,10 @@ def made(name: str, scenario: Scenario, period: float) -> System:
         "period": period,
     }
     try:
-        wanted = inspect.signature(kind).parameters
-        block = kind(**{key: offered[key] for key in wanted if key in offered})
+        arguments = inspect.signature(kind).parameters
+        block = kind(
+            **{key: offered[key] for key in arguments if key in offered}
+        )
     except Exception as error:  # whatever its constructor does
         raise ValueError(
             f"{name}: must be made with some of {', '.join(offered)} "
