@@ -73,11 +73,11 @@ def envelope(
         if isinstance(directions, int)
         else directions
     )
-    own = controller if isinstance(controller, str) else name_of(controller)
+    name = controller if isinstance(controller, str) else name_of(controller)
     sweep = Sweep(
         scenarios={scenario: load_scenario(scenario, **changes)},
         plant=plant,
-        controller=own,
+        controller=name,
         blocks={role: name_of(kind) for role, kind in (blocks or {}).items()},
         directions=tuple(round(angle, 6) for angle in angles),
         at=(at,),
