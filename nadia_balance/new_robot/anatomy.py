@@ -97,8 +97,8 @@ def _efforts(robot: Description, chain: Sequence[Joint]) -> list[float]:
     """
     points, _ = robot.hinges([joint.name for joint in chain], robot.poses())
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    most = GRAVITY * robot.mass(robot.links) * float(length)
-    return [joint.effort * (joint.effort <= most) for joint in chain]
+    largest = GRAVITY * robot.mass(robot.links) * float(length)
+    return [joint.effort * (joint.effort <= largest) for joint in chain]
 
 
 def _torso(robot: Description, legs: Sequence[Leg]) -> str:
