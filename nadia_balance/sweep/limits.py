@@ -193,13 +193,13 @@ class LimitTable:
             That name, with the user's blocks; or the name of the policy's file
             or the controller's class.
         """
-        controller = self.identity.get("controller", mechanisms).split(" ")[0]
+        title = str(self.identity.get("controller", mechanisms)).split(" ")[0]
         blocks = [
             f"{name.removeprefix(BLOCK)}={text.split(' ')[0]}"
             for name, text in self.identity.items()
             if name.startswith(BLOCK)
         ]
-        return ", ".join([controller, *blocks])
+        return ", ".join([title, *blocks])
 
     def of_beside(
         self, mechanisms: str, situation: Situation

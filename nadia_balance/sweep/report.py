@@ -164,9 +164,9 @@ def table_of(
     if kind is RECOVERED and beside:
         head.append(limits.beside_title)
         values = [beside.get(r["direction_deg"]) for r in columns[-1]]
-        limited = [value for value in values if value is not None]
+        numbers = [value for value in values if value is not None]
         for line, value in zip(
-            lines, [*values, fmean(limited) if limited else None], strict=True
+            lines, [*values, fmean(numbers) if numbers else None], strict=True
         ):
             line.append("–" if value is None else f"{value:.2f}")
     return kind[1], table(head, lines)

@@ -179,8 +179,8 @@ def search(
     Raises:
         ValueError: this process has another code or robot than `identity`.
     """
-    process = of_process(sweep.one, sweep.controller, sweep.blocks)
-    for name, value in process.items():
+    present = of_process(sweep.one, sweep.controller, sweep.blocks)
+    for name, value in present.items():
         require(
             identity.get(name, value) == value,
             f"{name} = {value}: must be {identity.get(name)}, as when the "
