@@ -28,7 +28,7 @@ from nadia_balance.scripts.command_line import CommandLine
 from nadia_balance.scripts.envelope import sweep_from
 from nadia_balance.sweep.search import SearchParams
 from nadia_balance.systems.signals import PHASES
-from tests import run_cache
+from tests import prose, run_cache
 from tests.results import made_up_run
 from tests.source_files import ROOT
 from tests.test_fuzz import leaves
@@ -382,3 +382,48 @@ def test_the_stored_notebooks_were_executed_and_are_small():
         assert json.dumps(cells).count("RECOVERED in") == 1
         size = (ROOT / "docs" / "learn" / f"{name}.ipynb").stat().st_size
         assert size < 250_000, name
+
+
+# Written by programs, from numbers; not to be read as a page of the guide.
+TABLES = {
+    *ROOT.glob("docs/results/*/*.md"),
+    *ROOT.glob("docs/results/single/*/*.md"),
+}
+
+
+def test_no_sentence_is_longer_than_35_words():
+    """Oracle: by hand, two sentences and a cell; the pages."""
+    text = "One two, i.e. three. Four:\n\n| five six | `s` |\n|---|---|\n"
+    counts = [prose.words(one) for one in prose.sentences(text)]
+    assert [count for count in counts if count] == [4, 1, 2, 1]
+    long = "word " * 36
+    assert prose.too_long(f"{long}.\n\n* {long[5:]}.") == [f"{long}."]
+    for page in {*PAGES} - TABLES:
+        assert not prose.too_long(page.read_text("utf-8")), page
+    for name, cells in BOOKS.items():
+        words = [
+            "".join(c["source"]) for c in cells if c["cell_type"][0] == "m"
+        ]
+        assert not prose.too_long("\n\n".join(words)), name
+
+
+def test_each_page_says_first_whom_it_is_for():
+    """Oracle: the first word below the title of each page of the guide."""
+    guide = (ROOT / "docs" / "index.md").read_text("utf-8")
+    links = re.findall(r"^- \[.*?\]\(([^)]*\.md)\)", guide, re.MULTILINE)
+    pages = {(ROOT / "docs" / link).resolve() for link in links}
+    papers = {*ROOT.glob("docs/publish/*.md"), ROOT / "docs" / "index.md"}
+    assert pages | papers == {*PAGES} - TABLES - {
+        ROOT / "docs/results/robots.md"
+    }
+    for page in pages - {ROOT / "README.md", ROOT / "CHANGELOG.md"}:
+        _, first, *_ = page.read_text("utf-8").split("\n\n")
+        assert first.startswith("For "), page
+    for name, cells in BOOKS.items():
+        _, first, *_ = "".join(cells[0]["source"]).split("\n\n")
+        assert first.startswith("For "), name
+
+
+def test_the_readme_is_short():
+    """Oracle: 700 words, code and tables included."""
+    assert len(README.split()) <= 700

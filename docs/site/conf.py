@@ -42,7 +42,7 @@ smartquotes = False  # --flags stay what they are
 
 html_theme = "furo"
 html_title = f"nadia_balance {release}"
-html_extra_path = ["index.html"]
+html_extra_path = ["index.html", "../play.html"]
 html_math_renderer = "mathml"
 html_show_sourcelink = False
 

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 GUIDE, RESULTS = "docs/index", "docs/results/README"
 _EXAMPLE = re.compile(r"^\[.*\]\((\.\./examples/\w+\.py)\)$", re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]*)\]\(([\w./-]+)\)")
-_ENTRY = re.compile(r"^- \[.*?\]\(([\w./]+)\.\w+\)", re.MULTILINE)
+_HTML = re.compile(r"\[([^\]]*)\]\((\w+\.html)\)")
+_ENTRY = re.compile(r"^- \[.*?\]\(([\w./]+)\.(?:md|ipynb)\)", re.MULTILINE)
 
 
 def complete(app: Sphinx, page: str, text: list[str]) -> None:
@@ -35,6 +36,7 @@ def complete(app: Sphinx, page: str, text: list[str]) -> None:
     def unlinked(link: re.Match[str]) -> str:
         return link[1] if (folder / link[2]).is_dir() else link[0]
 
+    text[0] = _HTML.sub(r'<a href="../\2">\1</a>', text[0])
     text[0] = _LINK.sub(unlinked, text[0])
     text[0] = _EXAMPLE.sub(
         r"\g<0>\n\n```{literalinclude} \1\n:language: python\n```", text[0]
