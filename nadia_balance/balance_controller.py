@@ -331,9 +331,10 @@ class BalanceController(Diagram):
     ========================  ============================  ==================
 
     Three loops are closed by states of the last tick: the walking state, the
-    friction coefficient and, with a delay or noise, the acceleration.  `estimated_state`
-    is [q, v] of the robot's `control_plant`, `foot_forces` (2,) [N] are those
-    of the left and the right foot; `mechanisms` (4,), all on if not connected.
+    friction coefficient and, with a delay or noise, the acceleration.
+    `estimated_state` is [q, v] of the robot's `control_plant`, `foot_forces`
+    (2,) [N] are those of the left and the right foot; `mechanisms` (4,), all on
+    if not connected.
 
     Any evaluation of `actuation` gives the torque of that control tick: before
     the update of the tick it is computed from the inputs, afterwards it is
