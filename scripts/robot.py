@@ -56,13 +56,15 @@ def _parser() -> command_line.CommandLine:
     )
     wire_flags(parser)
     parser.add_argument(
-        "--engine", default=ENGINES[0], help=f"{', '.join(ENGINES)}"
+        "--engine",
+        default=ENGINES[0],
+        help=f"{', '.join(ENGINES)}: what moves it (%(default)s)",
     )
     parser.add_argument(
         "--model",
         type=command_line.place,
         metavar="MJCF",
-        help="that moves in the place of the robot's own URDF",
+        help="that moves in the place of the robot's own URDF, in mujoco",
     )
     parser.add_argument(
         "--sensors",

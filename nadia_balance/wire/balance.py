@@ -247,7 +247,7 @@ def _diagram(
 ) -> Diagram:
     """From imu, joints, torques and velocity_command to a command."""
     period = params.control_period
-    controller = BalanceController(params, robot, delay=delay)
+    controller = BalanceController(params, robot, delay=delay, sensors=sensors)
     forces = FootForceEstimator(robot, sensors, period)
     estimator = StateEstimator(robot, sensors, period, None, 0.0)
     builder = DiagramBuilder()

@@ -19,6 +19,8 @@ from nadia_balance.wire.messages import (
 from nadia_balance.wire.process import SILENCE
 from nadia_balance.wire.simulated_robot import SAMPLE, SimulatedRobot
 
+FIRST = 0.1  # for which it waits at most while nobody commands it [s]
+
 
 @parameters
 class BusFaults:
@@ -120,6 +122,11 @@ class Listener:
         self._sender: int | None = None
         self._heard = 0.0
         self._reasons: set[str] = set()
+
+    @property
+    def is_new(self) -> bool:
+        """Whether nobody has commanded the robot yet."""
+        return self._sender is None and self._heard == 0.0
 
     @property
     def is_left(self) -> bool:
@@ -232,6 +239,8 @@ class Serving:
         patience = (self.slower - 1.0) * SAMPLE
         if not waits or self.listener.is_left:
             patience = 0.0
+        elif self.listener.is_new:
+            patience = min(patience, FIRST)
         while True:
             try:
                 message = self.wire.read(patience)

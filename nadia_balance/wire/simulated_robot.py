@@ -23,7 +23,7 @@ from nadia_balance.systems.wiring import connect
 from nadia_balance.wire.band import Band
 from nadia_balance.wire.messages import JointCommand, Mode, RobotState
 
-ENGINES = "mujoco", "drake"
+ENGINES = "drake", "mujoco"
 STEP = 0.001  # of the engine and of the drives [s]
 SAMPLE = 0.002  # period of the bus [s]
 ATTACK = 0.4  # of the band above the origin of the pelvis [m]
@@ -53,7 +53,7 @@ class SimulatedRobot:
         self,
         robot: RobotModel,
         sensors: SensorParams,
-        engine: str = "mujoco",
+        engine: str = ENGINES[0],
         model: Path | None = None,
         catches: bool = True,
         seed: int = 0,

@@ -25,7 +25,7 @@ def stood(wire: str) -> tuple[int, list[str], int, list[str]]:
 
     In lock step: neither of them goes on before it has heard the other one.
     """
-    where = "--wire", wire, "--domain", DOMAIN, "--lockstep", 50
+    where = "--wire", wire, "--domain", DOMAIN, "--lockstep", 400
     # What is installed for these tests, wherever it is.
     env = environment() | {"PYTHONPATH": os.pathsep.join(sys.path)}
     push = "--push", "1 0.2 90", "--duration", 6.0

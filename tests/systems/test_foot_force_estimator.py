@@ -30,9 +30,9 @@ PLACES = (
 
 
 def positions(t: float) -> np.ndarray:
-    """Nadia sways, turns and bends its joints, tilted by 0.1 rad."""
+    """Nadia sways, bends its joints, and falls over by 0.4 rad in 0.2 s."""
     q = standing_positions().copy()
-    turn = RollPitchYaw(0.1, 0.05 * math.sin(9.0 * t), 0.4 * math.sin(5.0 * t))
+    turn = RollPitchYaw(0.1, 0.5 * math.sin(5.0 * t), 0.4 * math.sin(5.0 * t))
     q[:4] = turn.ToQuaternion().wxyz()
     q[4:7] += 0.03 * np.sin(np.array([8.0, 7.0, 11.0]) * t)
     phase = np.arange(NQ - 7)

@@ -11,7 +11,7 @@ from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.systems.state import StatePredictor
-from tests.blocks import answer, asked, fix, running, tick
+from tests.blocks import answer, asked, fix, running, tick, told
 from tests.diagrams.simulated import SOON
 from tests.whole_body_examples import random_state, standing_state
 
@@ -104,49 +104,52 @@ def test_a_walking_robot_is_where_it_is_predicted():
     assert predictions[NQ:].max() < 0.5 * measurements[NQ:].max()
 
 
-def test_noise_of_the_sensors_is_filtered_and_motion_is_not():
-    """Oracles: the motion itself, at the accelerations that are commanded; the
-    moments of the noise, of which it lets a third through.
+JOINTS, SPEEDS = slice(7, NQ), slice(NQ + 6, None)
+
+
+def swinging(period: float, ticks: int) -> tuple[list, list]:
+    """States, and the accelerations from each to the next, of all joints."""
+    rng, now = np.random.default_rng(2), standing_state().copy()
+    amplitudes = rng.uniform(-3.0, 3.0, now[JOINTS].size)
+    states, accelerations = [], []
+    for i in range(ticks):
+        a = amplitudes * math.sin(0.5 * i)
+        states.append(now.copy())
+        accelerations.append(np.concatenate((np.zeros(6), a)))
+        now[JOINTS] += period * (now[SPEEDS] + 0.5 * period * a)
+        now[SPEEDS] += period * a
+    return states, accelerations
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_noise_of_the_sensors_is_filtered_and_motion_is_not(size):
+    """Oracles: the motion itself, told a tick late, at the accelerations that
+    are commanded; the moments of the noise.
     """
-    delay, ticks, rng = 0.004, 400, np.random.default_rng(2)
-    sensors, period = load_sensors("consumer"), 0.004
-    predictor = StatePredictor(NADIA["ideal"], period, delay, sensors=sensors)
-    start, acceleration = standing_state(), np.zeros(len(standing_state()) - NQ)
-    acceleration[6:] = rng.uniform(-0.3, 0.3, acceleration.size - 6)
-    deviations = np.zeros(start.size)
-    deviations[7:NQ], deviations[NQ + 6 :] = 1e-3, 0.05
-
-    def state(t):
-        moved = start.copy()
-        moved[7:NQ] += 0.5 * acceleration[6:] * t * t
-        moved[NQ:] += acceleration * t
-        return moved
-
-    simulator, context = running(
-        predictor,
-        estimated_state=state(0.0),
-        generalized_acceleration=acceleration,
+    ticks, rng, period = 400, np.random.default_rng(5), 0.004
+    states, accelerations = swinging(period, ticks)
+    noise = np.zeros((ticks, states[0].size))
+    noise[:, JOINTS] = 1e-3 * rng.normal(size=noise[:, JOINTS].shape)
+    noise[:, SPEEDS] = 0.05 * rng.normal(size=noise[:, SPEEDS].shape)
+    inputs = [
+        {
+            "estimated_state": states[max(i - 1, 0)] + size * noise[i],
+            "generalized_acceleration": accelerations[i],
+        }
+        for i in range(ticks)
+    ]
+    predictor = StatePredictor(
+        NADIA["ideal"], period, period, sensors=load_sensors("consumer")
     )
-    for noise in 0.0, 1.0:
-        errors = []
-        for _ in range(ticks):
-            t = simulator.get_context().get_time()
-            measured = state(t - delay) if t else state(0.0)
-            measured += noise * deviations * rng.normal(size=start.size)
-            fix(predictor, context, estimated_state=measured)
-            told = answer(predictor, context, "predicted_state").copy()
-            errors.append((told - state(t))[7:])
-            tick(simulator, period)
-        late = np.std(errors[ticks // 2 :], axis=0)
-        joints, speeds = late[: NQ - 7], late[NQ - 1 :]
-        if noise:
-            assert 5e-4 > joints.mean() > 1e-4
-            assert 0.02 > speeds.mean() > 0.005
-            assert (
-                np.diff(errors[ticks // 2 :], axis=0)[:, NQ - 1 :].std() < 0.01
-            )
-        else:
-            assert np.abs(errors[ticks // 2 :]).max() < 1e-4
+    (answers,) = told(predictor, period, inputs, "predicted_state")
+    errors = (answers - states)[ticks // 2 :]
+    if not size:
+        assert np.abs(errors).max() < 1e-9
+        return
+    # Less than half of the noise, and a sixth of it from tick to tick.
+    assert errors[:, JOINTS].std() < 0.5e-3
+    assert errors[:, SPEEDS].std() < 0.025
+    assert np.diff(errors[:, SPEEDS], axis=0).std() < 0.05 * 2.0**0.5 / 6.0
 
 
 def test_an_impact_is_not_filtered():
@@ -162,7 +165,7 @@ def test_an_impact_is_not_filtered():
     tick(simulator, 0.004)
     state[NQ:] += 1.0
     fix(predictor, context, estimated_state=state)
-    told = answer(predictor, context, "predicted_state")[NQ:]
-    assert told[3:6] == pytest.approx(np.ones(3))  # estimated, not measured
-    assert np.all(told[6:] >= 1.0 - 3.0 * 0.05)
-    assert np.all(told[6:] < 1.0)
+    speeds = answer(predictor, context, "predicted_state")[NQ:]
+    assert speeds[3:6] == pytest.approx(np.ones(3))  # estimated, not measured
+    assert np.all(speeds[6:] >= 1.0 - 3.0 * 0.05)
+    assert np.all(speeds[6:] < 1.0)

@@ -78,8 +78,9 @@ def test_answers_each_sample_and_lets_go_at_the_end(monkeypatch):
 def test_a_silent_wire_lets_go_though_there_is_noise_on_it(monkeypatch):
     """RefusedError messages are none: 50 ms after the last good one."""
     noise = [(RefusedError("crc = 1: must be the checksum"), 0.01)] * 6
-    script = [*samples(1500), *noise, (None, 0.06)]
+    script = [*samples(1500), *noise, *[(None, 0.06)] * 10]
     wire, process, _, lines = ran(monkeypatch, script)
+    assert wire.now >= 100.0 + 3.0 + 0.06 + 9 * 0.05  # it waits
     assert process.counts.silences == 1
     assert process.counts.refused == 6
     assert "refused: crc = 1" in " ".join(lines)

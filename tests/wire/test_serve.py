@@ -84,6 +84,7 @@ class TestListener:
     def test_obeys_until_a_silence(self):
         """Oracle: 50 ms."""
         assert self.listener.command is DAMPING
+        assert self.listener.is_new
         assert not self.listener.is_left
         sent = command()
         self.listener.hear(7, sent, now=1.0)

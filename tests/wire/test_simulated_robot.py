@@ -100,7 +100,7 @@ def test_is_down_when_its_pelvis_is_low_or_tilted():
 @pytest.mark.parametrize(
     ("engine", "model", "message"),
     [
-        ("bullet", None, "engine = 'bullet': must be one of mujoco, drake"),
+        ("bullet", None, "engine = 'bullet': must be one of drake, mujoco"),
         ("drake", Path("g1.xml"), "model = g1.xml: must come with engine = "),
         ("mujoco", Path("none.xml"), "model = none.xml: "),
     ],
