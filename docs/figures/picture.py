@@ -71,7 +71,7 @@ _CAPTION = """
   #words, #film, #legend, .dg { display: none !important; }
   body { grid-template: "pane" 100vh / 100% !important; }
   body::after { content: attr(data-caption); position: fixed; left: 16px;
-                top: 12px; color: #2f3440;
+                top: 12px; z-index: 2; color: #2f3440;
                 font: 21px/1.3 "DejaVu Sans", sans-serif; }
 """
 _WORDS = """
@@ -90,6 +90,7 @@ _WORDS = """
 # What the strip shows below its pictures.
 _LEGEND = """
   body > :not(#legend) { visibility: hidden; }
+  body::after { content: none !important; }
   #legend { position: fixed !important; inset: 0 0 auto 0 !important;
             display: flex !important; flex-wrap: wrap; justify-content: center;
             gap: 3px 20px; padding: 10px 12% 6px !important; margin: 0;

@@ -38,6 +38,7 @@ _RING, _ROOM = 0.5, 1.05  # between rings [m/s]; least radius over the largest
 _NAMED_AT = 105.0  # the direction in which rings are named [deg]
 _RADIUS = 170.0  # of a panel, about [pt]
 _APART = 3.0  # between points on a line [pt]
+_HALF = np.array([12.0, 6.0])  # of a number's width and height [pt]
 _LETTERS = np.array([[-8.0, 0.0], [0.0, 0.0], [8.0, 0.0]])  # of a number [pt]
 # Behind a number, so that a line below it does not cross it.
 _PLATE = {"facecolor": "white", "alpha": 0.75, "pad": 0.6, "linewidth": 0.0}
@@ -262,11 +263,10 @@ def _free_place(point: Array, taken: Array) -> Array:
     near = np.column_stack([18.0 * np.cos(angles), 13.0 * np.sin(angles)])
     around = np.concatenate([near, 1.4 * near])
     outward = around @ point / max(float(np.linalg.norm(point)), 1.0)
-    # A number is wider than high.
-    gaps = (point + around)[:, None] - taken[None]
-    room = np.min(np.hypot(gaps[..., 0] / 1.6, gaps[..., 1]), axis=1)
+    gaps = np.abs((point + around)[:, None] - taken[None]) - _HALF
+    room = np.min(np.max(gaps, axis=2), axis=1)
     far = np.repeat([0.0, 2.0], len(near))
-    best = np.argmax(np.minimum(room, 9.0) + 0.1 * outward - far)
+    best = np.argmax(np.minimum(room, 3.0) + 0.1 * outward - far)
     return np.asarray(point + around[best])
 
 
