@@ -62,7 +62,7 @@ def test_drives_hold_where_they_are_told_to_and_are_off_when_off():
 
 def test_is_pushed_as_its_pelvis_looks():
     """Oracle: momentum over time; pushed to the left, it looks to the left."""
-    robot = SimulatedRobot(load_robot("g1"), SensorParams())
+    robot = SimulatedRobot(load_robot("g1"), SensorParams(), "mujoco")
     half = np.sqrt(0.5)
     robot._engine.SetPositions(
         robot._engine.GetMyMutableContextFromRoot(
@@ -83,7 +83,7 @@ def test_is_pushed_as_its_pelvis_looks():
 
 def test_is_down_when_its_pelvis_is_low_or_tilted():
     """Oracle: 0.6 of its height, 1 rad."""
-    robot = SimulatedRobot(load_robot("g1"), SensorParams())
+    robot = SimulatedRobot(load_robot("g1"), SensorParams(), "mujoco")
     context = robot._engine.GetMyMutableContextFromRoot(
         robot._simulator.get_mutable_context()
     )
