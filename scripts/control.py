@@ -39,9 +39,9 @@ def main(argv: list[str] | None = None) -> int:
         robot, process = process_of(args.robot, args.sensors, command_line.say)
         wire = controller_wire(args.wire, robot, args.interface, args.domain)
         loop.refuse_rivals(wire)
-    command_line.say(f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end")
     process.start()
     with keyboard.pressed_keys() as keys, until_ctrl_c() as interrupted:
+        command_line.say(f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end")
         delays = loop.run(
             wire,
             process,
