@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test lint browser coverage results robustness policy clean
+.PHONY: push test learn lint browser coverage site results robustness policy clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
@@ -21,10 +21,21 @@ push: .venv/installed
 test: lint browser
 	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
+# The notebooks, in a browser.
+learn: .venv/installed
+	$(PIP_INSTALL) '.[notebook]'
+	$(BIN)/jupyter lab --ServerApp.root_dir=$(CURDIR) \
+		docs/learn/point_mass.ipynb $(ARGS)
+
 # The lines that the tests have run.
 coverage: browser
 	COVERAGE_CORE=sysmon $(BIN)/pytest -n 2 --dist worksteal \
 		--cov=nadia_balance --cov-report=term:skip-covered $(ARGS)
+
+# The site: guide, reference, API.  Any warning is an error.
+site: .venv/installed-test
+	$(BIN)/python -m sphinx -q -W --keep-going -c docs/site . build/site/html
+	@echo "wrote build/site/html/index.html"
 
 lint: .venv/installed-test
 	$(BIN)/ruff check .
@@ -48,22 +59,27 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 		$(MADE)/figures/nadia_figure_4.png
 	$(PIP_INSTALL) '.[notebook]'
 	$(BIN)/python docs/figures/picture.py --run $(MADE)/push --gif \
-		--width 640 --height 600 --distance 4.8 --out docs/push.gif
+		--width 640 --height 600 --distance 3.6 --out docs/push.gif
 	$(BIN)/python docs/figures/picture.py --run $(MADE)/blocks \
 		--times 5.9 10.5 16.3 --azimuth 60 --elevation 18 --distance 4.6 \
 		--width 270 --height 300 --out docs/ground.png
 	cp $(MADE)/figures/nadia_figure_4.png docs/capture_regions.png
-	cd docs && ../$(BIN)/python -c 'import nbclient, nbformat; \
-		book = nbformat.read("learning.ipynb", 4); \
-		nbclient.NotebookClient(book, record_timing=False).execute(); \
-		nbformat.write(book, "learning.ipynb")'
+	cp $(MADE)/figures/nadia_figure_4.svg docs/capture_regions.svg
+	$(BIN)/python docs/figures/envelopes.py --out docs/envelopes.png
+	$(BIN)/python docs/figures/play.py --out docs/play.html
+	for book in docs/learn/*.ipynb; do \
+		$(BIN)/python -c 'import nbclient, nbformat, sys; \
+			book = nbformat.read(sys.argv[1], 4); \
+			nbclient.NotebookClient(book, record_timing=False).execute(); \
+			nbformat.write(book, sys.argv[1])' $$book || exit 1; \
+	done
 	$(BIN)/python docs/figures/reference.py
 	$(BIN)/python -c 'import sys; \
 		from nadia_balance.results.versions import commit_of; \
 		print("commit", commit_of(), "python", *sys.version_info[:2])' \
 		> docs/results/made.txt
-	sha256sum docs/*.gif docs/*.ipynb docs/*.png docs/results/*/*.png \
-		>> docs/results/made.txt
+	sha256sum docs/*.gif docs/learn/*.ipynb docs/*.png docs/*.svg \
+		docs/results/*/*.png docs/results/*/*.svg >> docs/results/made.txt
 
 $(MADE)/g1.swept: SWEEP := --robot g1 --resolution 0.05 --stride 4 \
 	--mechanisms all_with_cross_over

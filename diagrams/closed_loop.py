@@ -19,15 +19,23 @@ from pydrake.systems.framework import (
     OutputPort,
     System,
 )
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer, VectorLog
+from pydrake.systems.primitives import (
+    LogVectorOutput,
+    Multiplexer,
+    VectorLog,
+    VectorLogSink,
+)
 
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.footstep_plan import velocity_limits
+from nadia_balance.core.walking.state import FootPose, FootPoses
+from nadia_balance.diagrams.region_log import add_region_log, region_rows
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
 from nadia_balance.systems.push_source import PushSource
+from nadia_balance.systems.signals import ComState, read
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view.balance_visualizer import BalanceVisualizer
 from nadia_balance.view.scene import CONTROLS
@@ -44,6 +52,7 @@ LOGGED = (
     "foot_wrenches",
     "swing_foot_reference",
     "walking_signal",
+    "no_foothold",
     "actuation",
     "push_signal",
     "foot_forces",
@@ -76,13 +85,14 @@ class ClosedLoop(Diagram):
     """A Diagram that can be simulated here.
 
     Each `context` is that of the whole diagram.  RecoveryWatch requires output
-    ports walking_state, icp and icp_reference, sweeps swing_foot_reference, a
-    LiveSession the controller's port walking_signal.
+    ports walking_state, icp and icp_reference, sweeps swing_foot_reference.
     """
 
     PLANT = "humanoid"  # or lipm
     push: PushSource  # one of its systems
     controller: System  # one of its systems
+    timing: OutputPort  # the walking_state by which pushes are timed
+    replaced: Sequence[str] = ()  # the user's blocks, role=Class
 
     def __init__(self, scenario: Scenario):
         """Loads the robot and the true ground.
@@ -93,6 +103,7 @@ class ClosedLoop(Diagram):
         super().__init__()
         self.scenario = scenario
         self.robot: RobotModel = load_robot(scenario.robot, scenario.fidelity)
+        self._regions: VectorLogSink | None = None
         # The true one; None: flat.
         self._ground = scenario.terrain.ground(
             self.robot.sole, self.robot.params.size
@@ -112,6 +123,8 @@ class ClosedLoop(Diagram):
             A line for each.
         """
         remarks = list(self.robot.remarks)
+        if not self.controller.HasOutputPort("footsteps"):
+            return remarks  # a policy takes every command
         lower, upper = self.velocity_limits
         for i, row in enumerate(self.scenario.commands):
             asked = np.array([row.forward, row.left, row.turn])
@@ -122,6 +135,30 @@ class ClosedLoop(Diagram):
                     f"it can walk, {clipped.round(3).tolist()} is taken"
                 )
         return remarks
+
+    def com(self, context: Context) -> Array:
+        """Returns the centre of mass.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            Its place (3,) in W [m].
+        """
+        com = ComState(read(self.signals["com_state"], context))
+        return np.asarray(com.position)
+
+    def feet(self, context: Context) -> FootPoses:
+        """Returns where the feet stand.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The soles in W; of a foot in the air, its last pose on the ground.
+        """
+        feet: FootPoses = read(self.timing, context).schedule.feet
+        return feet
 
     def _connect_sources(
         self,
@@ -137,6 +174,7 @@ class ClosedLoop(Diagram):
         Raises ValueError: no such input or output.
         """
         sources = dict(sources)
+        self._has_source = COMMAND in sources  # of the user's
         if controller.HasInputPort(COMMAND) and COMMAND not in sources:
             sources[COMMAND] = self._commands(builder)
         for name, source in sources.items():
@@ -198,6 +236,10 @@ class ClosedLoop(Diagram):
             builder.AddNamedSystem("balance_visualizer", view)
             for name in filter(self.signals.get, DRAWN):
                 builder.Connect(self.signals[name], view.GetInputPort(name))
+            if "capture_regions" in self.signals:
+                self._regions = add_region_log(
+                    builder, self.signals["capture_regions"]
+                )
         logged = {
             name: self.signals[name] for name in LOGGED if name in self.signals
         } | ports
@@ -295,6 +337,11 @@ class ClosedLoop(Diagram):
             **{f"region_{name}": region for name, region in regions.items()},
             "sole": self.robot.sole,
         }
+        if self._has_source and self.controller.HasOutputPort("footsteps"):
+            logs["velocity_limits"] = self.velocity_limits
+        if self._regions is not None:
+            times, rows = sampled(self._regions.FindLog(context))
+            logs["capture_regions"] = region_rows(times, rows)
         if self._ground is not None:
             logs["ground"] = np.concatenate(
                 [
@@ -312,6 +359,23 @@ class ClosedLoop(Diagram):
             context: that of this diagram, which is changed.
         """
         self._log.FindMutableLog(context).Clear()
+        if self._regions is not None:
+            self._regions.FindMutableLog(context).Clear()
+
+
+def told_blocks(blocks: Mapping[str, object]) -> list[str]:
+    """Says which blocks are the user's.
+
+    Args:
+        blocks: by role; None leaves one out.
+
+    Returns:
+        Texts role=Class.
+    """
+    return [
+        f"{role}={type(block).__name__ if block else None}"
+        for role, block in blocks.items()
+    ]
 
 
 def sampled(log: VectorLog) -> tuple[Array, Array]:
@@ -350,6 +414,35 @@ class MeasuredPoses:
             self._plant.GetBodyByName(robot.torso_body),
             self._plant.GetBodyByName(robot.pelvis_body),
         ]
+
+    def com(self, state: np.ndarray[Any, Any]) -> Array:
+        """Returns the centre of mass.
+
+        Args:
+            state: [q, v], (nq + nv,).
+
+        Returns:
+            Its place (3,) in W [m].
+        """
+        self._plant.SetPositionsAndVelocities(self._context, state)
+        return np.asarray(
+            self._plant.CalcCenterOfMassPositionInWorld(self._context)
+        )
+
+    def feet(self, state: np.ndarray[Any, Any]) -> FootPoses:
+        """Returns the soles.
+
+        Args:
+            state: [q, v], (nq + nv,).
+
+        Returns:
+            Their poses in W, level.
+        """
+        left, right = self.along(state[None])["foot_poses"].reshape(2, 4)
+        return FootPoses(
+            FootPose(left[:3], float(left[3])),
+            FootPose(right[:3], float(right[3])),
+        )
 
     def along(self, states: np.ndarray[Any, Any]) -> Logs:
         """Returns the signals of soles and trunk.

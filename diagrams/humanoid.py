@@ -21,11 +21,13 @@ from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import NAMED
+from nadia_balance.core.walking.state import FootPoses
 from nadia_balance.diagrams.closed_loop import (
     ClosedLoop,
     Logs,
     MeasuredPoses,
     sampled,
+    told_blocks,
 )
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -33,6 +35,7 @@ from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
+from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
 from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
@@ -54,8 +57,6 @@ from nadia_balance.view.scene import (
     move_floor,
 )
 
-FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
-FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 FALLEN_TORSO_TILT = math.radians(70.0)  # tilt of the torso [rad]
 
 
@@ -134,8 +135,10 @@ class HumanoidDiagram(ClosedLoop):
                 sensors=self._sensors,
                 **blocks,
             )
+            self.replaced = told_blocks(blocks)
         else:
             self._check_controller(controller, blocks)
+            self.replaced = told_blocks({"controller": controller})
         self.controller = controller
         builder.AddNamedSystem("balance_controller", controller)
         self.push = PushSource(
@@ -255,6 +258,7 @@ class HumanoidDiagram(ClosedLoop):
             builder.AddNamedSystem("contact_clock", clock)
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
+        self.timing = clock.GetOutputPort("walking_state")
         mouse = None
         if meshcat is not None and engine is self.plant:
             mouse = add_mouse(builder, self.plant, self.scene_graph, meshcat)
@@ -266,7 +270,8 @@ class HumanoidDiagram(ClosedLoop):
             NAMED[self.scenario.mechanisms],
             self.push,
             meshcat,
-            self.velocity_limits,
+            limits=self.velocity_limits,
+            has_switches=controller.HasInputPort("mechanisms"),
         )
         if controller.HasInputPort("mechanisms"):
             builder.Connect(
@@ -420,6 +425,33 @@ class HumanoidDiagram(ClosedLoop):
         if is_uneven or schedule is None:
             return ""
         return foot_beside(ground, schedule)
+
+    def com(self, context: Context) -> Array:
+        """Returns the centre of mass.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            Its place (3,) in W [m], as the controller knows it, if it does.
+        """
+        if "com_state" in self.signals:
+            return super().com(context)
+        return self._poses.com(read(self.signals["state"], context))
+
+    def feet(self, context: Context) -> FootPoses:
+        """Returns where the feet stand.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            The soles in W; of a foot in the air, its last pose on the ground,
+            or without a walking state the present one.
+        """
+        if "walking_state" in self.signals:
+            return super().feet(context)
+        return self._poses.feet(read(self.signals["state"], context))
 
     def nees(self, context: Context) -> float:
         """Returns the NEES e' P^-1 e [-] of the estimate.

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import CapturePointController
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams.closed_loop import ClosedLoop
+from nadia_balance.diagrams.closed_loop import ClosedLoop, told_blocks
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
@@ -52,6 +52,7 @@ class LipmDiagram(ClosedLoop):
         """
         super().__init__(scenario)
         self._check(scenario)
+        self.replaced = told_blocks(blocks)
         period = scenario.lipm_period
         model = scenario.point_mass(self.robot)
         require(
@@ -116,6 +117,7 @@ class LipmDiagram(ClosedLoop):
         plant, controller, swing = self.plant, self.controller, self.swing
         connect(builder, controller, swing, "walking_state")
         connect(builder, controller, self.push, "walking_state")
+        self.timing = controller.GetOutputPort("walking_state")
         connect(builder, controller, plant, "walking_state", "ecmp_command")
         connect(builder, swing, plant, "swing_foot_reference")
         connect(builder, self.push, plant, "push_force")

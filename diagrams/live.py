@@ -25,7 +25,8 @@ from nadia_balance.results.live_watches import (
     velocity_lines,
 )
 from nadia_balance.results.story import LiveStory, moment_words
-from nadia_balance.systems.signals import ComState, WalkingSignal, read
+from nadia_balance.systems.plan import walking_signal
+from nadia_balance.systems.signals import WalkingSignal, read
 from nadia_balance.view.aims import Aims
 from nadia_balance.view.balance_visualizer import FOOTPRINTS
 from nadia_balance.view.live_controls import LiveControls
@@ -117,8 +118,8 @@ class LiveSession:
     def status(self) -> list[str]:
         """Returns what the page shows, line by line.
 
-        Time, mode and phase; the velocity commanded and walked; ICP error, last
-        push and its result; real-time factor.
+        Time, mode and phase; the velocity commanded and walked; ICP error, if
+        the controller has one, last push and its result; real-time factor.
 
         Returns:
             The lines.
@@ -128,8 +129,9 @@ class LiveSession:
         lines = [
             f"t = {self.context.get_time():.2f} s, {mode}{during}",
             *velocity_lines(self._commanded, self._walked),
-            f"ICP error {self._error:.3f} m",
         ]
+        if self._error is not None:
+            lines.append(f"ICP error {self._error:.3f} m")
         if self._story.last_push:
             lines.append(f"last {self._story.last_push}")
         if self._story.result:
@@ -198,18 +200,22 @@ class LiveSession:
 
     def _look(self) -> None:
         context, diagram = self.context, self._diagram
-        state = read(diagram.signals["walking_state"], context)
-        _, self._error = gait_and_error(diagram, context)
-        walking = WalkingSignal(
-            read(diagram.signals["walking_signal"], context)
-        )
+        state = read(diagram.timing, context)
+        walking = WalkingSignal(np.array(walking_signal(state)))
         self._mode, self._moment = state.mode.value, moment_words(walking)
+        self._error: float | None = None
+        if "icp_reference" in diagram.signals:
+            _, self._error = gait_and_error(diagram, context)
+        else:  # nor steps to come
+            self._mode = self._moment
+        lacks = diagram.signals.get("no_foothold")
         self._measure(state)
         for line in self._story.look(
             context.get_time(),
             walking,
             push_signal(diagram, context),
             self._error,
+            no_foothold=lacks is not None and bool(read(lacks, context)[0]),
         ):
             self._tell_now(line)
         self._draw_aims()
@@ -221,12 +227,11 @@ class LiveSession:
         """Measures the velocity, and what may end in a fall."""
         context, diagram = self.context, self._diagram
         now = context.get_time()
-        com = ComState(read(diagram.signals["com_state"], context)).position
         self._commanded = np.array(
             read(self._controls.GetOutputPort("velocity_command"), context)
         )
         self._walked = self._velocity.look(
-            now, com[:2], middle(state.schedule.feet).yaw
+            now, diagram.com(context)[:2], middle(diagram.feet(context)).yaw
         )
         regions = None
         port = diagram.signals.get("capture_regions")
@@ -241,17 +246,21 @@ class LiveSession:
             return
         self._drawn = time.monotonic()
         context, diagram = self.context, self._diagram
-        schedule = read(diagram.signals["walking_state"], context).schedule
-        com = ComState(read(diagram.signals["com_state"], context)).position
+        schedule, com = (
+            read(diagram.timing, context).schedule,
+            diagram.com(context),
+        )
         delta_v, direction_deg, _ = self._controls.aimed_push()
         yaw = schedule.feet[schedule.support_side].yaw
         self._aims.draw_push(com, yaw + math.radians(direction_deg), delta_v)
-        self._aims.draw_command(self._controls.command(), com, schedule.feet)
+        self._aims.draw_command(
+            self._controls.command(), com, diagram.feet(context)
+        )
 
     def _go_along(self, state: WalkingState) -> None:
         """Moves the floor along, and deletes old prints."""
-        schedule = state.schedule
-        move_floor(self._meshcat, schedule.feet[schedule.support_side].p_WF)
+        feet = self._diagram.feet(self.context)
+        move_floor(self._meshcat, feet[state.schedule.support_side].p_WF)
         for side in Side:
             self._meshcat.Delete(
                 f"{FOOTPRINTS}/{side.value}_{self._steps - PRINTS}"

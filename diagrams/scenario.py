@@ -23,7 +23,7 @@ from nadia_balance.core.walking.state import (
     WalkingState,
     whole_ticks,
 )
-from nadia_balance.diagrams.terrain import FLAT, Terrain
+from nadia_balance.diagrams.terrain import Terrain
 from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.layers import Layer, merged
 from nadia_balance.parameters.yaml_reader import (
@@ -426,8 +426,6 @@ class Scenario:
                 yield "mechanisms", f"go with {qp}, whose they are"
         elif NAMED[self.mechanisms].cross_over:
             yield "mechanisms", f"not let the legs cross with {qp}"
-        elif self.terrain.name != FLAT:
-            yield "terrain.name", f"be {FLAT} with {qp}: it knows no regions"
 
 
 def scenario_names() -> dict[str, Path]:

@@ -5,7 +5,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -13,8 +13,9 @@ from typing import Any, cast
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, System
 
+from nadia_balance.diagrams import own_blocks
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -40,36 +41,66 @@ LONGEST = 86400.0  # simulation [s]
 def closed_loop(
     scenario: Scenario,
     plant: str = "humanoid",
-    policy: str | Path = "",
+    controller: str | Path = "",
     meshcat: Meshcat | None = None,
+    blocks: Mapping[str, str] | None = None,
 ) -> ClosedLoop:
     """Returns the diagram of a scenario.
 
     Args:
         scenario: what is simulated.
         plant: "humanoid", or "lipm": the point mass that it stands for.
-        policy: ONNX file of the robot's controller; "": ours.
+        controller: ONNX file of a policy, or `module:Class` of a controller of
+            the user's; "": ours.
         meshcat: where it is drawn, if given.
+        blocks: `module:Class` by role: those that replace blocks of ours (see
+            own_blocks.made).
 
     Returns:
         A diagram that can be simulated.
+
+    Raises:
+        ValueError: a controller or block cannot be made, or does not fit.
     """
-    if policy:
-        return _walked_by(policy, scenario, meshcat)
-    if plant == "lipm":
-        return LipmDiagram(scenario, meshcat)
-    return HumanoidDiagram(scenario, meshcat)
+    is_lipm = plant == "lipm"
+    systems: dict[str, Any] = own_blocks.all_made(
+        blocks or {},
+        scenario,
+        scenario.lipm_period if is_lipm else scenario.controller.control_period,
+    )
+    if controller:
+        require(
+            not blocks,
+            f"controller = {str(controller)!r}: must not come with blocks",
+        )
+        return _walked_by(
+            _controller(str(controller), scenario), scenario, meshcat
+        )
+    if is_lipm:
+        return LipmDiagram(scenario, meshcat, **systems)
+    return HumanoidDiagram(scenario, meshcat, **systems)
+
+
+def _controller(name: str, scenario: Scenario) -> System:
+    """The controller of an ONNX file, or of a class."""
+    if own_blocks.names_class(name):
+        period = scenario.controller.control_period
+        systems = own_blocks.all_made({"controller": name}, scenario, period)
+        return cast(System, systems["controller"])
+    return PolicyController(load_robot(scenario.robot, scenario.fidelity), name)
 
 
 def _walked_by(
-    onnx: str | Path, scenario: Scenario, meshcat: Meshcat | None
+    controller: System, scenario: Scenario, meshcat: Meshcat | None
 ) -> HumanoidDiagram:
-    """The diagram of the policy in the file `onnx`.
+    """The diagram of a controller of another's.
 
-    It walks by the scenario's commands, or at the mean velocity of the gait, or
-    stands if that has no steps.  Pushes in a phase of its gait are after
-    WALKS_STEADILY steps.
+    One without a walking state walks by the scenario's commands, or at the mean
+    velocity of the gait, or stands if that has no steps.  Pushes in a phase of
+    its gait are after WALKS_STEADILY steps.
     """
+    if controller.HasOutputPort("walking_state"):
+        return HumanoidDiagram(scenario, meshcat, controller)
     gait, step = scenario.gait, scenario.gait.step
     commands = list(scenario.commands)
     require(
@@ -95,11 +126,7 @@ def _walked_by(
             for push in scenario.pushes
         ],
     )
-    return HumanoidDiagram(
-        scenario,
-        meshcat,
-        PolicyController(load_robot(scenario.robot, scenario.fidelity), onnx),
-    )
+    return HumanoidDiagram(scenario, meshcat, controller)
 
 
 def start(diagram: ClosedLoop) -> Simulator:

@@ -172,6 +172,7 @@ def run_info(diagram: ClosedLoop) -> RunInfo:
         The conditions, as in its summary.
     """
     scenario = diagram.scenario
+    mechanisms = ", ".join([scenario.mechanisms, *diagram.replaced])
     push = scenario.pushes[0] if scenario.pushes else None
     return RunInfo(
         robot=scenario.robot,
@@ -180,7 +181,7 @@ def run_info(diagram: ClosedLoop) -> RunInfo:
         seed=scenario.seed,
         direction_deg=push.direction_deg if push else None,
         delta_v=push.delta_v if push else None,
-        mechanisms=getattr(diagram.controller, "file", scenario.mechanisms),
+        mechanisms=getattr(diagram.controller, "file", mechanisms),
         plant=diagram.PLANT,
         calm_steps=scenario.calm_steps,
         max_torso_tilt_deg=(

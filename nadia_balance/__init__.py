@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from nadia_balance.robot.model import RobotModel as RobotModel
     from nadia_balance.robot.model import load_robot as load_robot
     from nadia_balance.robot.plants import add_ground as add_ground
+    from nadia_balance.sweep.envelope import envelope as envelope
     from nadia_balance.systems.estimation import Imu as Imu
     from nadia_balance.systems.estimation import JointEncoders as JointEncoders
     from nadia_balance.systems.estimation import (
@@ -181,6 +182,7 @@ _MODULES = {
     "add_mujoco_plant": "engines.plants",
     "connect": "systems.wiring",
     "controller_params": "balance_controller",
+    "envelope": "sweep.envelope",
     "load_robot": "robot.model",
     "load_scenario": "diagrams.scenario",
     "simulate": "diagrams.simulation",

@@ -163,8 +163,8 @@ class CapturePointController(Diagram):
                            walking_state, foot_poses,
                            mechanisms
     step_adjuster          alip_icp, walking_state,          adjustment,
-                           foot_poses, time_adjustment,      capture_regions
-                           mechanisms
+                           foot_poses, time_adjustment,      capture_regions,
+                           mechanisms                        no_foothold
     momentum_qp            icp, icp_reference,               ecmp_command,
                            walking_state                     ...qp_status
     step_controller        takes the place of the last two   the outputs of
@@ -201,7 +201,8 @@ class CapturePointController(Diagram):
         output_ports: [walking_state, walking_signal, footsteps,
                        revised_footsteps, icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
-                       ecmp_command, momentum_qp_status, momentum_rate]
+                       no_foothold, ecmp_command, momentum_qp_status,
+                       momentum_rate]
     """
 
     INPUTS = (
@@ -365,7 +366,8 @@ class BalanceController(Diagram):
                        walking_signal, footsteps, revised_footsteps,
                        icp_plan, icp_reference,
                        time_adjustment, adjustment, capture_regions,
-                       ecmp_command, momentum_qp_status, momentum_rate,
+                       no_foothold, ecmp_command, momentum_qp_status,
+                       momentum_rate,
                        swing_foot_reference, friction, actuation,
                        joint_command, foot_wrenches, whole_body_qp_status,
                        generalized_acceleration]

@@ -1,48 +1,68 @@
-"""The colours of all drawings, in Meshcat and in plots."""
+"""The colours of all drawings, in Meshcat and in plots.
+
+Those that appear in one picture differ also for the colour-blind, by hue or by
+lightness (tests/test_palette.py).
+"""
+
+from typing import NamedTuple
 
 from pydrake.geometry import Rgba
 
 from nadia_balance.core.walking.state import Side
 
-LEFT = "#0b8a8f"  # teal
-RIGHT = "#e8632b"  # orange
-ICP = "#2456d6"  # blue
-ICP_REFERENCE = "#86a6f2"  # light blue
-COM = "#259b4c"  # green
-COP = "#b8157a"  # magenta
-ECMP = "#d29a00"  # gold
-SUPPORT = "#3d4552"  # slate
-PUSH = "#d11f35"  # red
-COMMAND = "#1f2a44"  # navy
-CAPTURE_REGIONS = ("#4a0f8f", "#7d3cc9", "#a673e3")  # C_1 to C_3: violets
-OPACITIES = (0.4, 0.25, 0.18)  # of the filled regions, which overlap
-REACH = "#8a5a2b"  # brown
-NOMINAL = "#626b78"  # nominal foothold of an adjusted step: grey
+LEFT = "#01625f"  # teal
+RIGHT = "#e06a20"  # orange
+ICP = "#3a5cf0"  # blue
+ICP_REFERENCE = "#6cc0f8"  # light blue
+COM = "#3fa066"  # green
+COP = "#a6094f"  # magenta
+ECMP = "#e3b505"  # yellow
+SUPPORT = "#1d2129"  # black
+PUSH = "#cc1b22"  # red
+COMMAND = "#fff6b8"  # pale yellow
+CAPTURE_REGIONS = ("#330660", "#83459a", "#a48fbd")  # C_1 to C_3: violets
+OPACITIES = (0.45, 0.3, 0.3)  # of the filled regions, which overlap
+REACH = "#54290f"  # brown
+NOMINAL = "#777c85"  # nominal foothold of an adjusted step: grey
 FLOOR = "#c9d0da"  # grey
 GRID = "#aab4c2"  # darker grey
 GROUND = "#8d9aab"  # regions to step on: still darker
 SKY_TOP = "#f4f7fb"
 SKY_BOTTOM = "#c3cedb"
+# Floor and sky in a page that is dark.
+NIGHT_FLOOR, NIGHT_GRID = "#aab3c0", "#8d98a7"
+NIGHT_TOP, NIGHT_BOTTOM = "#171b22", "#39424f"
 
+
+class Entry(NamedTuple):
+    """How a thing is drawn: a sign that has its shape, and its colour."""
+
+    sign: str
+    color: str
+
+
+BALL, BOX, FILL, OUTLINE, ARROW, BAND = "\u25cf\u25aa\u25a0\u25a1\u279c\u2501"
 LEGEND = {
-    "ICP": ICP,
-    "ICP reference": ICP_REFERENCE,
-    "CoM": COM,
-    "CoP": COP,
-    "eCMP": ECMP,
-    "support polygon": SUPPORT,
-    "left foot": LEFT,
-    "right foot": RIGHT,
-    "push": PUSH,
-    "capture region C\N{SUBSCRIPT ONE}": CAPTURE_REGIONS[0],
-    "C\N{SUBSCRIPT TWO}": CAPTURE_REGIONS[1],
-    "C\N{SUBSCRIPT THREE}": CAPTURE_REGIONS[2],
-    "reachable": REACH,
-    "foothold as planned": NOMINAL,
+    "ICP": Entry(BALL, ICP),
+    "ICP reference": Entry(BALL, ICP_REFERENCE),
+    "CoM": Entry(BALL, COM),
+    "CoP": Entry(BALL, COP),
+    "eCMP": Entry(BOX, ECMP),
+    "support polygon": Entry(OUTLINE, SUPPORT),
+    "left foot": Entry(FILL, LEFT),
+    "right foot": Entry(FILL, RIGHT),
+    "push": Entry(ARROW, PUSH),
+    "capture region C\N{SUBSCRIPT ONE}": Entry(FILL, CAPTURE_REGIONS[0]),
+    "C\N{SUBSCRIPT TWO}": Entry(FILL, CAPTURE_REGIONS[1]),
+    "C\N{SUBSCRIPT THREE}": Entry(FILL, CAPTURE_REGIONS[2]),
+    "reachable": Entry(OUTLINE, REACH),
+    "foothold as planned": Entry(OUTLINE, NOMINAL),
 }
 # What a live session draws besides.
-LIVE_LEGEND = {"push to come": "#ed9aa4", "commanded way": COMMAND}
-OUTLINED = ("support polygon", "reachable", "foothold as planned")  # of these
+LIVE_LEGEND = {
+    "push to come": Entry(ARROW, "#f09aa2"),
+    "commanded way": Entry(BAND, COMMAND),
+}
 
 
 def foot_color(side: Side) -> str:

@@ -20,7 +20,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams import live, simulation, terrain, verdict
+from nadia_balance.diagrams import (
+    live,
+    own_blocks,
+    simulation,
+    terrain,
+    verdict,
+)
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import (
     SENSORS,
@@ -314,13 +320,19 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         default="humanoid",
         help="the robot, or the point mass it stands for",
     )
-    parser.not_live.append(
-        group.add_argument(
-            "--controller",
-            type=place,
-            metavar="ONNX",
-            help="file of a learned policy that walks instead (docs/policy.md)",
-        )
+    group.add_argument(
+        "--controller",
+        type=place,
+        metavar="ONNX",
+        help="file of a learned policy that walks instead (docs/policy.md), or "
+        "module:Class of a controller of yours",
+    )
+    group.add_argument(
+        "--block",
+        action="append",
+        metavar="ROLE=MODULE:CLASS",
+        help="a block of yours in the place of ours (docs/own_blocks.md); may "
+        "come several times",
     )
 
 
@@ -431,7 +443,11 @@ def main_job(
                 scenario = live.endless(scenario)
             meshcat = _meshcat(args.port) if is_shown else None
             diagram = simulation.closed_loop(
-                scenario, args.plant, policy_of(args), meshcat
+                scenario,
+                args.plant,
+                controller_of(args),
+                meshcat,
+                blocks=own_blocks.parsed_blocks(args.block or ()),
             )
             if not args.live:
                 simulator = simulation.start(diagram)
@@ -491,26 +507,27 @@ def _run(
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
 
 
-def policy_of(args: argparse.Namespace) -> str:
-    """The file of the learned policy, or "" for our controller.
+def controller_of(args: argparse.Namespace) -> str:
+    """The file of the learned policy, or a class; "" for our controller.
 
     Args:
         args: those of scenario_flags.
 
     Returns:
-        Its path.
+        Its path, or `module:Class`.
 
     Raises:
         ValueError: a flag is of our own controller only.
     """
     if args.controller is None:
         return ""
+    name = str(args.controller)
+    is_class = own_blocks.names_class(name)
     require(
-        args.plant != "lipm" and args.mechanisms is None,
-        f"controller = {str(args.controller)!r}: must not come with "
-        "plant = lipm or mechanisms",
+        args.plant != "lipm" and (is_class or args.mechanisms is None),
+        f"controller = {name!r}: must not come with plant = lipm or mechanisms",
     )
-    return str(args.controller.resolve())
+    return name if is_class else str(args.controller.resolve())
 
 
 def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:

@@ -23,13 +23,14 @@ from typing import Any
 from dask.system import CPU_COUNT
 
 from nadia_balance.core.walking.push import Moment
+from nadia_balance.diagrams.own_blocks import parsed_blocks
 from nadia_balance.diagrams.scenario import (
     AT,
     STANDING,
     Scenario,
     load_scenario,
 )
-from nadia_balance.diagrams.simulation import closed_loop, until_ctrl_c
+from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.parameters.bounds import check, require
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
@@ -64,9 +65,13 @@ def main(argv: list[str] | None = None) -> int:
                 name: load_scenario(name, rows.folder / SCENARIO)
                 for name in rows.identity["scenario"].split(",")
             }
-        return _report(rows, scenarios)
+            if args.beside is not None:
+                limits.check_beside(args.beside, rows.identity["robot"])
+        return _report(rows, scenarios, args.beside)
     with parser.refusing():
         sweep = sweep_from(args)
+        if args.beside is not None:
+            limits.check_beside(args.beside, sweep.one.robot)
         sweep.first = limits.first_pushes(sweep)
     args.out = args.out or Path(
         f"envelopes/{datetime.now():%Y-%m-%d_%H-%M-%S}_{args.protocol}"
@@ -76,7 +81,7 @@ def main(argv: list[str] | None = None) -> int:
         args=args,
         argv=argv,
         sweep=sweep,
-        report=lambda rows: _report(rows, sweep.scenarios),
+        report=lambda rows: _report(rows, sweep.scenarios, args.beside),
     )
 
 
@@ -102,6 +107,12 @@ def parser_of() -> command_line.CommandLine:
         type=command_line.place,
         metavar="FOLDER",
         help=f"only write what follows from FOLDER/{TRIALS}",
+    )
+    group.add_argument(
+        "--beside",
+        type=command_line.place,
+        metavar="FOLDER",
+        help="of another sweep, whose limits are written and drawn beside",
     )
     return parser
 
@@ -195,9 +206,7 @@ def carry_out(
             for cell in {
                 cell.scenario: cell for cell in sweep.cells()
             }.values():
-                closed_loop(
-                    sweep.walk(cell, replica=0), sweep.plant, sweep.controller
-                )
+                sweep.build(cell, replica=0)
             executor = stack.enter_context(
                 run_trial.open_workers(args.workers, args.scheduler)
             )
@@ -230,7 +239,9 @@ def carry_out(
         return code or reported
 
 
-def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
+def _report(
+    rows: Rows, scenarios: dict[str, Scenario], beside: Path | None
+) -> int:
     """Writes and prints the limits; returns UNDECIDED if a cell has none."""
     if {row["outcome"] for row in rows.all} <= {UNDECIDED}:
         command_line.complain(
@@ -241,7 +252,7 @@ def _report(rows: Rows, scenarios: dict[str, Scenario]) -> int:
             ),
         )
         return command_line.UNDECIDED
-    table = limits.limit_table(rows, scenarios)
+    table = limits.limit_table(rows, scenarios, beside)
     files = ", ".join([*report.write_report(table, rows), TRIALS])
     for situation in table.situations:
         command_line.say(
@@ -269,7 +280,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         ValueError: names the invalid flag.
     """
     values = asdict(limits.PROTOCOLS[args.protocol])
-    controller = command_line.policy_of(args)
+    controller = command_line.controller_of(args)
     if args.quick or controller:
         values["mechanisms"] = values["mechanisms"].split(",")[-1]
     if args.quick:
@@ -282,6 +293,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         },
         plant=args.plant,
         controller=controller,
+        blocks=parsed_blocks(args.block or ()),
         directions=directions(values),
         at=moments(values),
         mechanisms=words("mechanisms", values),

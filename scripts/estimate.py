@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.estimation.gaps import bridged
@@ -52,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
                 robot=robot,
                 sensors=sensors,
                 period=period,
-                q=standing(log["joints"][0], robot),
+                q=None,
                 height=None if args.uneven else 0.0,
             )
             folder = stack.enter_context(
@@ -187,32 +186,6 @@ def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
     if log["imu"][0, 5] < 0.0:
         raise ValueError("force_z must be 9.81 m/s^2 while it stands")
     return log
-
-
-def standing(joints: Array, robot: RobotModel) -> Array:
-    """The pose in which level soles stand about W's origin.
-
-    Args:
-        joints: angles, and more (n,) [rad].
-        robot: that has these joints.
-
-    Returns:
-        Positions (nq,) of the plant of control.
-    """
-    plant = robot.control_plant()
-    context = plant.CreateDefaultContext()
-    q = np.array([1.0, *np.zeros(6), *joints[: plant.num_positions() - 7]])
-    plant.SetPositions(context, cast(Any, q))
-    left, right = (
-        plant.GetFrameByName(foot).CalcPoseInWorld(context)
-        @ robot.X_FootSole[side]
-        for side, foot in robot.foot_bodies.items()
-    )
-    X_WB = RigidTransform(
-        left.rotation(), 0.5 * (left.translation() + right.translation())
-    ).inverse()
-    q[:7] = *X_WB.rotation().ToQuaternion().wxyz(), *X_WB.translation()
-    return q
 
 
 def estimated(

@@ -10,11 +10,13 @@ from pathlib import Path
 
 _PROGRAMS = (
     "benchmark",
+    "control",
     "envelope",
     "estimate",
     "export_mcap",
     "new_robot",
     "push",
+    "robot",
     "simulate",
     "single_pushes",
     "_m",  # python -m

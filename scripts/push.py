@@ -48,9 +48,9 @@ def _push_flags(parser: command_line.CommandLine) -> None:
         ),
         group.add_argument(
             "--at",
-            help='when it begins: in a phase, such as "right swing 25 %%" (the '
-            'right foot swings) or "left transfer 50 %%" (the left one will), '
-            'at a time, such as "2.5 s", or "standing", at 1 s, told to walk '
+            help='begin in a phase, such as "right swing 25 %%" (the right '
+            'foot swings) or "left transfer 50 %%" (the left one will); or at '
+            'a time, such as "2.5 s". "standing" is at 1 s, told to walk '
             "nowhere",
         ),
         group.add_argument(

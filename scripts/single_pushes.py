@@ -24,6 +24,7 @@ import numpy as np
 from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.diagrams.own_blocks import parsed_blocks
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing
@@ -333,7 +334,8 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         drawn=drawn(scenarios, mechanisms, count) if count else {},
         scenarios=scenarios,
         plant=args.plant,
-        controller=command_line.policy_of(args),
+        controller=command_line.controller_of(args),
+        blocks=parsed_blocks(args.block or ()),
         directions=envelope.directions(values),
         at=envelope.moments(values),
         mechanisms=(mechanisms,),

@@ -44,8 +44,8 @@ def scaled_nadia(ratio: float, folder: Path) -> Path:
     del robot["reachability"]
     known = asdict(load_robot_params("nadia")[0])
     robot |= {name: _times(known[name], ratio) for name in _LENGTHS}
-    torques = robot["drives"]["max_torque"]
-    robot["drives"]["max_torque"] = _times(torques, ratio**4)
+    for motor in robot["drives"]["motors"].values():
+        motor["max_torque"] *= ratio**4
     file = folder / "robot.yaml"
     file.write_text(yaml.safe_dump(robot), encoding="utf-8")
     return file

@@ -17,7 +17,7 @@ def python_files(*folders: str) -> list[Path]:
 def module_name(path: Path) -> str:
     """The name by which the file at `path` is imported."""
     name = ".".join(path.with_suffix("").parts)
-    inside = path.parts[0] in ("nadia_balance", "tests")
+    inside = path.parts[0] in ("nadia_balance", "examples", "tests")
     return name if inside else f"nadia_balance.{name}"
 
 
@@ -39,7 +39,9 @@ def imports(tree: ast.Module) -> Iterator[str]:
 @functools.cache
 def module_files() -> dict[str, Path]:
     """The file of each of our modules, by the name of its import."""
-    ours = python_files("nadia_balance", "diagrams", "scripts", "tests")
+    ours = python_files(
+        "nadia_balance", "diagrams", "scripts", "examples", "tests"
+    )
     files = {module_name(path).removesuffix(".__init__"): path for path in ours}
     return files | {path.stem: path for path in python_files("docs/figures")}
 

@@ -9,7 +9,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Locator, Page
 
 from nadia_balance.diagrams.live import SPEED
 from nadia_balance.robot.model import load_robot
@@ -94,6 +94,12 @@ def heights(page: Page, *labels: str) -> list[float]:
     return [box.bounding_box()["y"] for box in boxes]
 
 
+def bottom(locator: Locator) -> float:
+    """Where it ends, from the top [pixels]."""
+    box = locator.bounding_box()
+    return box["y"] + box["height"]
+
+
 def test_a_user_walks_pushes_pauses_resets_toggles_and_stops(browser):
     """Oracles: the page's text, its camera, the exit code, the terminal.
 
@@ -125,7 +131,12 @@ def use(page: Page) -> None:
     assert page.title() == "nadia_balance live"
     assert page.locator("#legend").is_visible()
     told = page.locator("#help").inner_text()
-    for words in "W faster", "X stop walking", "90 left, of the support foot":
+    for words in (
+        "W faster",
+        "X stop walking",
+        "90 left",
+        "as the support foot points",
+    ):
         assert words in told
     # After a frame of 0.3 s, the next one leaves as much for the messages.
     assert page.evaluate(SLOW_FRAME) == 1
@@ -158,8 +169,11 @@ def use(page: Page) -> None:
     assert places == sorted(places) and places[0] < 30.0
     page.set_viewport_size({"width": 360, "height": 740})  # a phone
     page.wait_for_function("innerWidth == 360")
-    (below,) = heights(page, "Scene")
-    assert text.bounding_box()["y"] > below
+    pane, words = page.locator("#meshcat-pane"), page.locator("#words")
+    (push,) = heights(page, "Push")
+    under = [bottom(pane), words.bounding_box()["y"], bottom(words), push]
+    assert under == sorted(under)
+    assert page.evaluate("document.documentElement.scrollWidth") == 360
     click(page, "cross-over: off")
     click(page, "Pause")
     page.get_by_text("cross-over: on", exact=True).wait_for()

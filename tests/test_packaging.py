@@ -37,10 +37,11 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # The import names that differ from the names of their distributions.
 DISTRIBUTIONS = {"PIL": "pillow", "pydrake": "drake", "yaml": "pyyaml"}
 DISTRIBUTIONS |= {"foxglove": "foxglove-sdk", "google": "protobuf"}
+DISTRIBUTIONS |= {"unitree_sdk2py": "unitree-sdk2py-dimos"}
 # What a normal installation lacks: `--help` needs none of them.
-EXTRAS = ("foxglove", "mujoco", "onnxruntime", "trimesh")
-# What our imports load by themselves: trimesh reads .dae with it.
-PLUGINS = {"pycollada"}
+EXTRAS = ("cyclonedds", "foxglove", "mujoco", "onnxruntime", "trimesh")
+# What our imports load by themselves: readers of .dae and notebooks, a theme.
+PLUGINS = {"pycollada", "myst-nb", "furo"}
 
 
 def run(*command: str | Path, cwd: Path, path: str = "") -> str:
@@ -189,7 +190,7 @@ def third_party_imports(*folders: str) -> set[str]:
     """The distributions that the Python files in `folders` import."""
     trees = map(syntax_tree, python_files(*folders))
     imported = {n.split(".")[0] for tree in trees for n in imports(tree)}
-    figures = {path.stem for path in python_files("docs/figures")}
+    figures = {path.stem for path in python_files("docs")}
     imported -= sys.stdlib_module_names | figures | {"nadia_balance", "tests"}
     return {DISTRIBUTIONS.get(name, name) for name in imported}
 
@@ -202,10 +203,18 @@ def test_declares_what_it_imports():
     """Oracle: the imports in the syntax trees of all files."""
     needed = names(PROJECT["dependencies"])
     extras = PROJECT["optional-dependencies"]
-    names_of = ("docs", "mcap", "mujoco", "policies", "robots")
+    names_of = (
+        "docs",
+        "mcap",
+        "mujoco",
+        "policies",
+        "robots",
+        "site",
+        "unitree",
+    )
     more = set().union(*(names(extras[extra]) for extra in names_of))
     extra = names(extras["test"])
-    imported = third_party_imports(*FOLDERS, "docs/figures")
+    imported = third_party_imports(*FOLDERS, "docs")
     assert imported == (needed | more) - PLUGINS
     assert third_party_imports(*FOLDERS) >= needed
     assert more <= extra, "whoever tests can run all that is tested"

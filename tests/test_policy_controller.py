@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
+from nadia_balance.diagrams import live
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.live import endless
+from nadia_balance.diagrams.live import LiveSession, endless
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import closed_loop, simulate, start
 from nadia_balance.policy_controller import PolicyController, PolicyParams
@@ -22,9 +23,10 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import envelope, push
 from nadia_balance.sweep.run_trial import run_trial, search
-from nadia_balance.view.live_controls import FORWARD
+from nadia_balance.view.live_controls import FORWARD, PUSH, SIZE
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix, running
+from tests.clicks import click
 from tests.onnx_bytes import linear_policy
 from tests.scripts.running import assert_refused, run_script
 
@@ -92,7 +94,7 @@ def test_a_policy_that_is_to_stand_has_no_phases(made):
     """
     text = "{gait: {num_steps: 0, step: {length: 0.3}}}"
     scenario = load_scenario("push", robot="g1", text=text, pushes=[])
-    still = closed_loop(scenario, policy=made()).controller
+    still = closed_loop(scenario, controller=made()).controller
     state = np.eye(NQ + N + 6)[0]
     simulator, context = running(still, estimated_state=state)
     simulator.AdvanceTo(0.05)
@@ -106,7 +108,7 @@ def test_a_policy_that_is_to_stand_has_no_phases(made):
 def test_pushes_are_timed_by_contacts_once_it_walks(made):
     """Oracle: the clock's phases, and eight steps before the first push."""
     scenario = load_scenario("push", robot="g1")
-    diagram = closed_loop(scenario, policy=made())
+    diagram = closed_loop(scenario, controller=made())
     (push,) = diagram.scenario.pushes
     assert (push.at, push.after_steps) == ("right swing 25 %", 8)
     assert scenario.pushes[0].after_steps < 8
@@ -227,11 +229,14 @@ def test_a_sweep_pushes_the_policy_and_knows_its_file(made, tmp_path):
 
 
 def test_the_user_commands_it_where_the_scenario_does_not(made):
-    """Oracle: the value of the slider in Meshcat, at the policy's port."""
+    """Oracle: the value of the slider in Meshcat, at the policy's port.
+
+    There are no buttons of the mechanisms, as it has none.
+    """
     meshcat = start_meshcat()[0]
     scenario = endless(load_scenario("push", robot="g1"))
     diagram = closed_loop(
-        scenario, policy=made(0.0 * W, 0.0 * B), meshcat=meshcat
+        scenario, controller=made(0.0 * W, 0.0 * B), meshcat=meshcat
     )
     meshcat.SetSliderValue(FORWARD, 0.2)
     simulator = start(diagram)
@@ -240,3 +245,37 @@ def test_the_user_commands_it_where_the_scenario_does_not(made):
     context = policy.GetMyContextFromRoot(simulator.get_context())
     command = policy.GetInputPort("velocity_command").Eval(context)
     assert command == pytest.approx([0.2, 0.0, 0.0])
+    assert {*meshcat.GetButtonNames()} == {"Push", "Stop walking"}
+
+
+def test_it_is_pushed_in_a_live_page(made, monkeypatch):
+    """Oracle: springs bear a light push, and tip over by a hard one.
+
+    m delta_v / 0.1 s; the time of STEADY after the push; the clock again.
+    """
+    monkeypatch.setattr(live, "LYING", 0.0)
+    path = made(W=0.0 * W, b=0.0 * B, kp=[300.0] * N, kd=[10.0] * N)
+    meshcat, told = start_meshcat()[0], []
+    scenario = endless(load_scenario("push", robot="g1"))
+    diagram = closed_loop(scenario, controller=path, meshcat=meshcat)
+    session = LiveSession(diagram, meshcat, told.append, 10.0)
+    light, hard, mass = 0.05, 1.2, ROBOT.mass
+    for size, lines in (light, 2), (hard, 4):
+        meshcat.SetSliderValue(SIZE, size)
+        click(meshcat, PUSH)
+        for _ in range(150):
+            if len(told) < lines:
+                session.tick()
+    assert told == [
+        f"t=0.02 s  push {light:.2f} m/s left, standing  "
+        f"F = {mass * light / 0.1:.0f} N",
+        "t=2.10 s  UPRIGHT 2 s after the push",
+        f"t=2.12 s  push {hard:.2f} m/s left, standing  "
+        f"F = {mass * hard / 0.1:.0f} N",
+        told[-1],
+    ]
+    assert told[-1].endswith("  FELL: pelvis tilted")
+    assert not any("ICP" in line for line in session.status())
+    session.tick()
+    session.tick()
+    assert session.context.get_time() < 0.1

@@ -58,7 +58,9 @@ FOOTSTEPS = dict.fromkeys(
 )
 FEEDTHROUGH = {
     "BalanceVisualizer": {},
-    "CaptureRegionStepAdjuster": dict.fromkeys(STEPS, STEP_ADJUSTMENT),
+    "CaptureRegionStepAdjuster": dict.fromkeys(
+        (*STEPS, "no_foothold"), STEP_ADJUSTMENT
+    ),
     "CentroidalEstimator": dict.fromkeys(
         ("com_state", "icp", "alip_icp", "foot_poses", "whole_body_terms"),
         "predicted_state",

@@ -21,7 +21,14 @@ from nadia_balance.core.walking.state import (
     Side,
 )
 from nadia_balance.results.folder import appearing, new_folder
-from nadia_balance.results.plots.style import FAINT, RC, TEXT, key, plan_view
+from nadia_balance.results.plots.style import (
+    FAINT,
+    RC,
+    TEXT,
+    key,
+    plan_view,
+    save,
+)
 from nadia_balance.scripts.command_line import DONE, CommandLine, place, say
 
 
@@ -61,14 +68,17 @@ def draw(
         help=f"folder for the pictures (default: runs/<date>_<time>_{paper})",
     )
     args = parser.parse_args(argv)
-    names = [f"{paper}_figure_{number}.png" for number in args.figure]
+    pictures = [f"{paper}_figure_{number}.png" for number in args.figure]
+    drawings = [name.replace(".png", ".svg") for name in pictures]
     with contextlib.ExitStack() as held, mpl.rc_context(cast(Any, RC)):
         with parser.refusing():
-            folder = held.enter_context(new_folder(args.out, paper, names))
+            folder = held.enter_context(
+                new_folder(args.out, paper, pictures + drawings)
+            )
         with appearing(folder) as drafts:
-            for number, name in zip(args.figure, names, strict=True):
-                figures[number]().savefig(drafts / name)
-    say(*(f"wrote {folder / name}" for name in names))
+            for number, name in zip(args.figure, pictures, strict=True):
+                save(figures[number](), drafts / name)
+    say(*(f"wrote {folder / name}" for name in sorted(pictures + drawings)))
     return DONE
 
 

@@ -66,8 +66,14 @@ USABLE = CaptureRegionStepAdjusterParams().usable_foot(SOLE)
 COP_R = np.array([-0.06, -0.02])
 ERROR = np.array([0.05, 0.042])
 
-# Figs. 4 and 6.
-ICP = np.array([0.16, 0.0])  # [m]
+# All reachability regions of this step by name, in W: Figs. 4 and 8.
+REGIONS = {
+    name: in_world(region, STANCE, SWING)
+    for name, region in step_regions(REACH, True).items()
+}
+
+# Figs. 4 and 6.  The ICP is where only crossed legs recover.
+ICP = np.array([0.12, 0.08])  # [m]
 REMAINING_TIME = 0.25  # until touchdown [s]
 LATEST = 5.0  # latest touchdown; the region then exceeds the circle [s]
 STEP_DURATION = 0.5  # transfer plus swing of each later step [s]
@@ -78,17 +84,15 @@ REACHES = {  # of later steps
     "Feet side by side: an ellipse": base_region(REACH),
     "Cross-over allowed": total_region(REACH, cross_over=True),
 }
+THIS_STEP = dict(
+    zip(REACHES, ([CIRCLE], [REGIONS[BASE]], REGIONS.values()), strict=True)
+)
 NAMES = ("C₁", "C₂", "C₃")
+_IN_REACH, _RECOVERS = "in reach of the right foot", "in reach, and recovers"
 _WHEN = (
     f"Where to step so as to recover: touchdown in {REMAINING_TIME} s, "
     f"all later steps take {STEP_DURATION} s each"
 )
-
-# Fig. 8: all reachability regions by name, in W.
-REGIONS = {
-    name: in_world(region, STANCE, SWING)
-    for name, region in step_regions(REACH, True).items()
-}
 
 # Fig. 9: earliest and latest touchdown from now [s]; title and ICP [m] of each
 # rule.
@@ -101,7 +105,7 @@ RULES = (
 
 # Limits of the axes in Figs. 4 and 6 [m].
 _FORWARD = (-0.3, 1.35)
-_ACROSS = (-0.8, 0.8)
+_ACROSS = (-0.85, 0.85)
 
 
 def draw_feedback() -> Figure:
@@ -154,13 +158,13 @@ def draw_feedback() -> Figure:
 
 
 def draw_by_reachability() -> Figure:
-    """Draws Fig. 4: C_1 to C_3, with the same reach of all later steps.
+    """Draws Fig. 4: C_1 to C_3, with the same reach of all steps.
 
     Returns:
         The figure.
     """
     fig, axes = plan_views(*REACHES, x=_FORWARD, y=_ACROSS)
-    for ax, reach in zip(axes, REACHES.values(), strict=True):
+    for ax, (title, reach) in zip(axes, REACHES.items(), strict=True):
         for n in range(len(NAMES), 0, -1):
             fill(
                 ax,
@@ -168,6 +172,11 @@ def draw_by_reachability() -> Figure:
                 palette.CAPTURE_REGIONS[n - 1],
                 label=NAMES[n - 1],
             )
+        captures = capture_region(_one_step(), _offsets(reach, len(NAMES)))
+        for region in THIS_STEP[title]:
+            shared = intersection(region, captures)
+            fill(ax, shared, palette.RIGHT, label=_RECOVERS, alpha=0.4)
+            fill(ax, region, palette.REACH, label=_IN_REACH, alpha=0.0)
         _draw_feet(ax)
     share_legend(fig, axes[0], _WHEN)
     return fig

@@ -1,10 +1,10 @@
 """Takes pictures of a run's replay, side by side or as an animation.
 
 By default they show the end of the last push, and each of the next two steps
-just before it lands; the animation shows the push and the next 4 s, with what
-the replay says of them.  The camera is at --azimuth (0 in front of the robot,
-90 to its left) and --elevation [deg], --distance [m] away; a picture has
---width by --height pixels.
+just before it lands; the animation shows the push and the next 2.4 s at half
+speed, with what the replay says of them, and holds its end.  The camera is at
+--azimuth (0 in front of the robot, 90 to its left) and --elevation [deg],
+--distance [m] away; a picture has --width by --height pixels.
 
 Examples:
     python docs/figures/picture.py --run runs/my_run
@@ -25,6 +25,7 @@ import numpy as np
 from PIL import Image
 from playwright import sync_api
 
+from nadia_balance.palette import LEGEND
 from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import pushes, steps
@@ -41,50 +42,58 @@ _GAP = 8  # between the pictures of a strip [pixels]
 _SHARPNESS = 2  # pixels of the browser for each pixel of a picture
 _NUM_STEPS = 2  # pictures of steps after the push
 _BEFORE = 0.03  # time from a picture to its landing [s]
-_GIF = 0.4, 4.0  # time before the push begins, and after its end [s]
-_GIF_PERIOD = 2.0 * REGIONS_PERIOD  # frame period [s]
+_GIF = 0.4, 2.4  # time before the push begins, and after its end [s]
+_SLOWER = 2.0  # than real time is an animation [-]
+_HOLD = 3.0  # for which it shows its last frame [s]
 
 # Points the camera at the robot, and sets the caption.
 _LOOK = """
-({time, caption, path, height, offset: [dx, dy, dz]}) => {
+({time, caption, aims, path, height, offset: [dx, dy, dz]}) => {
   document.body.dataset.caption = caption;
   viewer.set_render_callback("() => {}");  // no longer follows by itself
   viewer.animator.pause();
-  viewer.animator.seek(time);
-  const p = viewer.scene_tree.find(path).object.position;
-  // The camera's axes are y up: its z is our -y.
-  viewer.controls.target.set(p.x, height, -p.y);
-  viewer.camera.position.set(p.x + dx, height + dz, -p.y - dy);
-  viewer.controls.update();
+  viewer.film?.play(false);
+  (viewer.film ?? viewer.animator).seek(time);
+  if (aims) {
+    const p = viewer.scene_tree.find(path).object.position;
+    // The camera's axes are y up: its z is our -y.
+    viewer.controls.target.set(p.x, height, -p.y);
+    viewer.camera.position.set(p.x + dx, height + dz, -p.y - dy);
+    viewer.controls.update();
+  }
   viewer.render();  // moves the camera, ...
   viewer.render();  // ... and draws what it sees
-  // The replay's words are of the second frame after this.
-  return new Promise((done) => requestAnimationFrame(
-      () => requestAnimationFrame(() => done(true))));
 }
 """
-# What a picture, and a frame, show of the replay's page, beside the scene.
-_WORDS = """
-  #jumps, .dg, #status > :first-child { display: none; }
-  #legend, #status { inset: auto 0 0 !important; max-width: none !important;
-                     border-radius: 0 !important;
-                     font: 12px/1.35 "DejaVu Sans", sans-serif !important; }
-  #legend { display: flex; flex-wrap: wrap; gap: 0 16px;
-            justify-content: center; }
-  #status { inset: 0 0 auto !important; }
-"""
+# What a picture, and a frame, show of the replay's page beside the scene: a
+# picture its caption; a frame the last two lines, and what is drawn.
 _CAPTION = """
-  #legend, #status, #jumps, .dg { display: none; }
+  #words, #film, #legend, .dg { display: none !important; }
+  body { grid-template: "pane" 100vh / 100% !important; }
   body::after { content: attr(data-caption); position: fixed; left: 16px;
-                top: 12px; color: #2f3440;
+                top: 12px; z-index: 2; color: #2f3440;
                 font: 21px/1.3 "DejaVu Sans", sans-serif; }
+"""
+_WORDS = """
+  #words { display: contents !important; }
+  #title, #film, details, .dg { display: none !important; }
+  body { height: 100vh !important;
+         grid-template: "said" 68px "pane" 1fr "legend" auto / 100% !important;
+         font: 14px/1.4 "DejaVu Sans", sans-serif !important; }
+  body::after { content: "at half speed"; position: fixed; right: 10px;
+                top: 74px; z-index: 2; color: #626b78; }
+  #status { grid-area: said; padding: 8px 12px; }
+  #status > :not(:nth-last-child(-n+2)) { display: none; }
+  #legend { grid-area: legend; display: flex; flex-wrap: wrap; gap: 0 14px;
+            justify-content: center; margin: 0 !important; padding: 4px 8px; }
 """
 # What the strip shows below its pictures.
 _LEGEND = """
   body > :not(#legend) { visibility: hidden; }
+  body::after { content: none !important; }
   #legend { position: fixed !important; inset: 0 0 auto 0 !important;
-            display: flex; flex-wrap: wrap; justify-content: center;
-            gap: 3px 20px; padding: 10px 12% 6px !important;
+            display: flex !important; flex-wrap: wrap; justify-content: center;
+            gap: 3px 20px; padding: 10px 12% 6px !important; margin: 0;
             background: white !important;
             font: 17px/1.3 "DejaVu Sans", sans-serif !important; }
 """
@@ -209,7 +218,7 @@ def moments(run: Path, gif: bool = False) -> list[float]:
         return np.arange(
             max(start - _GIF[0], 0.0),
             min(end + _GIF[1], float(log["t"][-1]) - REGIONS_PERIOD),
-            _GIF_PERIOD,
+            REGIONS_PERIOD,
         ).tolist()
     landings = [step.swing.end for step in landed if step.swing.end > end]
     return [end, *(t - _BEFORE for t in landings[:_NUM_STEPS])]
@@ -266,6 +275,7 @@ def open_replay(
     try:
         page.goto(replay.resolve().as_uri())
         page.wait_for_function("viewer.animator.duration > 0")
+        page.evaluate("document.body.append(document.all.legend)")
         duration = page.evaluate("viewer.animator.duration")
     except sync_api.Error as error:  # a TimeoutError, too
         raise ValueError(
@@ -292,9 +302,9 @@ def write_strip(
         view: of the camera.
         out: file of the strip.
     """
+    page.add_style_tag(content=_CAPTION)
     pictures = [
-        _picture(page, time, view, style=_CAPTION, caption=f"{time:.2f} s")
-        for time in times
+        _picture(page, time, view, caption=f"{time:.2f} s") for time in times
     ]
     width = len(times) * (view.width + _GAP) - _GAP
     page.set_viewport_size({"width": width, "height": view.height})
@@ -309,9 +319,10 @@ def write_strip(
 def write_gif(
     page: sync_api.Page, times: list[float], view: View, out: Path
 ) -> None:
-    """Writes an animation, in a loop.
+    """Writes an animation, in a loop; all frames share one palette.
 
-    It is in real time if the times are as far apart as those of `moments`.
+    It is slower than real time by _SLOWER if the times are as far apart as
+    those of `moments`.
 
     Args:
         page: with the replay.
@@ -319,25 +330,56 @@ def write_gif(
         view: of the camera.
         out: file of the animation.
     """
+    page.add_style_tag(content=_WORDS)
+    # A camera that stays lets most of a frame be as it was.
+    frames = [
+        _picture(page, time, view, aims=time is times[0]) for time in times
+    ]
+    palette = _palette(frames)
     first, *others = (
-        # Which keeps rare colours.
-        _picture(page, time, view, style=_WORDS).quantize(
-            method=Image.Quantize.MAXCOVERAGE
-        )
-        for time in times
+        frame.quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
     )
+    period = round(1000 * REGIONS_PERIOD * _SLOWER)
     first.save(
         out,
         save_all=True,
         append_images=others,
-        duration=round(1000 * _GIF_PERIOD),
+        duration=[*(period for _ in others), round(1000 * _HOLD)],
         loop=0,
     )
 
 
+def _palette(frames: list[Image.Image]) -> Image.Image:
+    """An image with a palette for all frames: the legend's colours, and others.
+
+    Of a colour there are as many pixels as the root of their number in the
+    frames, which keeps rare ones; in between, colours are rounded.
+    """
+    pixels = np.concatenate([np.asarray(one)[::2, ::2] for one in frames])
+    rounded = pixels.reshape(-1, 3).astype(np.uint32) & 0xFC
+    values, counts = np.unique(
+        rounded @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32),
+        return_counts=True,
+    )
+    chosen = np.repeat(values, np.sqrt(counts).astype(int))
+    parts = chosen[:, None] >> np.array([16, 8, 0], dtype=np.uint32) & 0xFF
+    drawn = [bytes.fromhex(entry.color[1:]) for entry in LEGEND.values()]
+    image = Image.fromarray(parts.astype(np.uint8)[None])
+    others = image.quantize(256 - len(drawn), method=Image.Quantize.MEDIANCUT)
+    image = Image.new("P", (1, 1))
+    image.putpalette(b"".join(drawn) + bytes(others.getpalette() or ()))
+    return image
+
+
 def _picture(
-    page: sync_api.Page, time: float, view: View, style: str, caption: str = ""
+    page: sync_api.Page,
+    time: float,
+    view: View,
+    caption: str = "",
+    aims: bool = True,
 ) -> Image.Image:
+    """The page at a time [s]; where it `aims`, the camera is at the robot."""
     azimuth = math.radians(view.azimuth)
     elevation = math.radians(view.elevation)
     horizontal = math.cos(elevation)
@@ -348,6 +390,7 @@ def _picture(
             # replay interpolates between two shapes of a polygon.
             "time": round(time / REGIONS_PERIOD) * REGIONS_PERIOD,
             "caption": caption,
+            "aims": aims,
             "path": MIDDLE.strip("/").split("/"),
             "height": _TARGET,
             "offset": [
@@ -357,7 +400,7 @@ def _picture(
             ],
         },
     )
-    return _image(page.screenshot(style=style))
+    return _image(page.screenshot())
 
 
 def _image(screenshot: bytes) -> Image.Image:

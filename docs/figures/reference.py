@@ -44,6 +44,8 @@ SCRIPTS = (
     "new_robot",
     "benchmark",
     "export_mcap",
+    "control",
+    "robot",
 )
 # Entries of summary.json: unit, and what it is.
 SUMMARY = {
@@ -80,10 +82,10 @@ SUMMARY = {
     "stance_slip_m": ("m", "largest way of a stance foot over the ground"),
     "touchdowns": (
         "",
-        "of each foot that meets the ground: its side, speed along the ground "
-        "and down of the lowest corner [m/s], tilt [rad], time before the end "
-        "of the swing [s], force in a step of the plant and over 10 ms [body "
-        "weights], slide in 0.1 s [m]",
+        "of each foot that meets the ground: its side; speed of the lowest "
+        "corner along the ground and down [m/s]; tilt [rad]. Time before the "
+        "end of the swing [s]; force in a step of the plant, and over 10 ms "
+        "[body weights]; slide in 0.1 s [m]",
     ),
     "max_torque_ratio": (
         "1",
@@ -154,6 +156,10 @@ ARRAYS = {
         "(n, 4) 0 or 1",
         ", ".join(f.name for f in dataclasses.fields(Mechanisms)),
     ),
+    "no_foothold": (
+        "(n, 1) 0 or 1",
+        "1: no ground in reach is in the capture region",
+    ),
     "step_forces": (
         "(n, 2 m) N",
         "upward on left and right foot in each of the m steps of the plant "
@@ -172,9 +178,18 @@ ARRAYS = {
     "sole": ("(4, 2) m", "corners of a sole, in its frame"),
     "weight": ("() N", "of the robot"),
     "actuator_names": ("(nu,)", "names"),
+    "velocity_limits": (
+        "(2, 3) m/s, rad/s",
+        "least and most of a command, if its source is one's own",
+    ),
     "effort_limits": ("(nu,) N m", "limits of torque"),
     "joint_speed_limits": ("(nu,) rad/s", "limits of speed"),
     "joint_speed_columns": ("(nu,)", "of the joints' speeds in `state`"),
+    "capture_regions": (
+        "(k, 4) s, -, m",
+        "with Meshcat, corners of C_1 and C_N, 16 times a second of a swing: "
+        "time, n, x, y",
+    ),
     "region_base": ("(k, 2) m", "reach of the next step, legs not crossed"),
     "region_forward": ("(k, 2) m", "the same, crossing in front"),
     "region_backward": ("(k, 2) m", "the same, crossing behind"),
@@ -318,8 +333,8 @@ def page() -> str:
     """
     lines = [
         "# Reference\n",
-        "Written by `python docs/figures/reference.py` from the code; a test "
-        "compares both.\n",
+        "For whoever looks up a flag, a scenario, a field or a signal. "
+        "`python docs/figures/reference.py` writes this page from the code.\n",
         "## Flags\n",
         *(line for script in SCRIPTS for line in flags(script)),
         "## Scenarios\n",

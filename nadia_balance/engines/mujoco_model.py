@@ -1,6 +1,7 @@
 """MuJoCo model of the robot and its ground, from Drake's MultibodyPlant."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, cast
 
 import mujoco  # type: ignore[import-untyped]
@@ -24,7 +25,13 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     PointPairContactInfo,
 )
-from pydrake.multibody.tree import BodyIndex, Joint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    JointIndex,
+    RevoluteJoint,
+    RigidBody,
+)
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import require
@@ -70,31 +77,104 @@ class MujocoModel:
     """
 
     def __init__(
-        self, plant: MultibodyPlant, inspector: SceneGraphInspector
+        self,
+        plant: MultibodyPlant,
+        inspector: SceneGraphInspector,
+        mjcf: Path | None = None,
     ) -> None:
         """Models a plant.
 
         Args:
             plant: finalized.
             inspector: of the scene with its shapes.
+            mjcf: file of the same robot, with links and joints of the same
+                names, that moves in the plant's place, on flat ground.
 
         Raises:
-            ValueError: a joint or a shape of a type that is not supported.
+            ValueError: a joint or a shape of a type that is not supported; or
+                the MJCF is not of this robot.
         """
         self._plant = plant
-        self._spec = _empty_spec(plant)
-        self._softness = [max(STIFFNESS_TIME, 2.0 * plant.time_step()), 1.0]
         self._inboard = {j.child_body().index(): j for j in joints(plant)}
-        self._bodies = {plant.world_body().index(): self._spec.worldbody}
-        for i in range(1, plant.num_bodies()):
-            self._add_body(plant.get_body(BodyIndex(i)))
-        self._add_shapes(inspector)
-        self.model = self._spec.compile()
+        # MuJoCo's names.
+        self._joint_names: dict[JointIndex, str] = {}
+        self._body_names: dict[BodyIndex, str] = {}
+        if mjcf is None:
+            self._translate(inspector)
+        else:
+            self._read(mjcf)
         self.data = mujoco.MjData(self.model)
         self._actuation: Any = plant.MakeActuationMatrix()
         self._lower_efforts: Any = plant.GetEffortLowerLimits()
         self._upper_efforts: Any = plant.GetEffortUpperLimits()
         self._find_columns()
+
+    def _translate(self, inspector: SceneGraphInspector) -> None:
+        """Makes MuJoCo's model of the plant, and of the shapes in its scene."""
+        plant = self._plant
+        self._spec = mujoco.MjSpec()
+        self._spec.compiler.degree = False
+        self._spec.compiler.inertiafromgeom = False
+        _set_options(self._spec, plant)
+        self._softness = [max(STIFFNESS_TIME, 2.0 * plant.time_step()), 1.0]
+        self._bodies = {plant.world_body().index(): self._spec.worldbody}
+        for i in range(1, plant.num_bodies()):
+            self._add_body(plant.get_body(BodyIndex(i)))
+        self._add_shapes(inspector)
+        self.model = self._spec.compile()
+        for joint in self._inboard.values():
+            if joint.num_velocities() == 1:
+                dof = self.model.joint(self._joint_names[joint.index()]).dofadr
+                damping = joint.default_damping_vector()[0]
+                self.model.dof_damping[dof] = damping
+
+    def _read(self, mjcf: Path) -> None:
+        """Reads MuJoCo's model, and puts it on flat ground.
+
+        Joints that have no reflected inertia there have that of the plant.
+        Actuators have no place: torques are applied to joints.
+
+        Raises ValueError: it is no MJCF, or not of this robot.
+        """
+        try:
+            spec = mujoco.MjSpec.from_file(str(mjcf))
+        except ValueError as error:
+            raise ValueError(f"model = {mjcf}: {error}") from None
+        _set_options(spec, self._plant)
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        plane = mujoco.mjtGeom.mjGEOM_PLANE
+        if all(geom.type != plane for geom in spec.worldbody.geoms):
+            spec.worldbody.add_geom(type=plane, size=[0.0, 0.0, 1.0])
+        for joint in self._inboard.values():
+            self._name(spec, joint, mjcf)
+        self.model = spec.compile()
+        moving = sum(j.num_velocities() for j in self._inboard.values())
+        require(
+            self.model.nv == moving,
+            f"model = {mjcf}: has {self.model.nv} velocities: must be {moving}",
+        )
+        for actuator in actuators(self._plant):
+            name = self._joint_names[actuator.joint().index()]
+            dof = self.model.joint(name).dofadr
+            if not self.model.dof_armature[dof].any():
+                inertia = actuator.default_reflected_inertia()
+                self.model.dof_armature[dof] = inertia
+
+    def _name(self, spec: Any, joint: Joint, mjcf: Path) -> None:
+        """Notes what a joint and its child are called in an MJCF."""
+        child = joint.child_body()
+        body, added = spec.body(child.name()), spec.joint(joint.name())
+        if joint.num_velocities() > 1 and body and body.joints:
+            added = body.joints[0]
+            added.name = added.name or joint.name()
+        if body:
+            self._body_names[child.index()] = body.name
+        if joint.num_velocities():
+            require(
+                body and added,
+                f"model = {mjcf}: must have {child.name()} and {joint.name()}",
+            )
+            self._joint_names[joint.index()] = added.name
 
     def _add_body(self, body: RigidBody) -> Any:
         """Adds `body`, after its parents; returns MuJoCo's."""
@@ -105,8 +185,9 @@ class MujocoModel:
         X_PB = (
             joint.frame_on_parent().GetFixedPoseInBodyFrame() @ X_BM.inverse()
         )
+        self._body_names[body.index()] = str(int(body.index()))
         added = self._add_body(joint.parent_body()).add_body(
-            name=str(int(body.index())),
+            name=self._body_names[body.index()],
             pos=X_PB.translation(),
             quat=X_PB.rotation().ToQuaternion().wxyz(),
         )
@@ -130,8 +211,10 @@ class MujocoModel:
             f"joint {joint.name()}: type {joint.type_name()}: must be one of "
             f"{', '.join(_JOINTS)} or fixed, for MuJoCo",
         )
+        self._joint_names[joint.index()] = str(int(joint.index()))
         added = body.add_joint(
-            name=str(int(joint.index())), type=_JOINTS[joint.type_name()]
+            name=self._joint_names[joint.index()],
+            type=_JOINTS[joint.type_name()],
         )
         if joint.num_velocities() > 1:
             return
@@ -203,12 +286,11 @@ class MujocoModel:
         for joint in self._inboard.values():
             if joint.num_velocities() == 0:
                 continue
-            address = model.joint(str(int(joint.index())))
+            address = model.joint(self._joint_names[joint.index()])
             q, v = int(address.qposadr[0]), int(address.dofadr[0])
             if joint.num_velocities() == 1:
                 self._q[q] = joint.position_start()
                 self._v[v] = joint.velocity_start()
-                model.dof_damping[v] = joint.default_damping_vector()[0]
             else:
                 self._q[q : q + 7] = joint.position_start() + np.array(
                     [4, 5, 6, 0, 1, 2, 3]
@@ -218,9 +300,10 @@ class MujocoModel:
                 )
                 self._turning.append((slice(q + 3, q + 7), slice(v + 3, v + 6)))
         # Drake's body of each geom of MuJoCo.
+        bodies = {name: body for body, name in self._body_names.items()}
         self._body_of = [
-            BodyIndex(int(name) if name.isdigit() else 0)
-            for name in (model.body(i).name for i in model.geom_bodyid)
+            bodies.get(model.body(i).name, BodyIndex(0))
+            for i in model.geom_bodyid
         ]
 
     def rates(self, vector: Array) -> Array:
@@ -293,7 +376,7 @@ class MujocoModel:
         data.qfrc_applied[:] = (self._actuation @ torques)[self._v]
         mujoco.mj_fwdPosition(model, data)
         for force in forces:
-            body = model.body(str(int(force.body_index))).id
+            body = model.body(self._body_names[force.body_index]).id
             mujoco.mj_applyFT(
                 m=model,
                 d=data,
@@ -330,18 +413,14 @@ class MujocoModel:
         return infos
 
 
-def _empty_spec(plant: MultibodyPlant) -> Any:
-    """A MjSpec with the options of a plant."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.compiler.inertiafromgeom = False
+def _set_options(spec: Any, plant: MultibodyPlant) -> None:
+    """Gives a MjSpec the options of a plant."""
     spec.option.timestep = plant.time_step()
     spec.option.gravity = plant.gravity_field().gravity_vector()
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = _FRICTION_IMPEDANCE
     # Without a warm start, a step depends on state and inputs only.
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_WARMSTART
-    return spec
 
 
 def _name(shape: GeometryId) -> str:

@@ -1,6 +1,7 @@
 """Plants other than Drake's: one that MuJoCo simulates, and the point mass."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -81,12 +82,18 @@ class MujocoPlant(Block):
         output_ports: [state, contact_results]
     """
 
-    def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        mjcf: Path | None = None,
+    ) -> None:
         """Replaces a plant, with its time step.
 
         Args:
             plant: finalized and discrete.
             scene_graph: with its shapes and collision filters at this call.
+            mjcf: what moves in the plant's place (see MujocoModel).
 
         Raises:
             ValueError: MuJoCo is not installed, or cannot express the plant.
@@ -100,7 +107,7 @@ class MujocoPlant(Block):
             raise ValueError(
                 "engine = 'mujoco': must have its package: pip install mujoco"
             ) from None
-        self._model = MujocoModel(plant, scene_graph.model_inspector())
+        self._model = MujocoModel(plant, scene_graph.model_inspector(), mjcf)
         self._actuation = input_port(self, "actuation", plant.num_actuators())
         self._forces = self.DeclareAbstractInputPort(
             "applied_spatial_force",
@@ -164,6 +171,7 @@ def add_mujoco_plant(
     robot: RobotModel,
     time_step: float = 0.001,
     ground: Ground | None = None,
+    mjcf: Path | None = None,
 ) -> tuple[MujocoPlant, MultibodyPlant, SceneGraph]:
     """Adds a MujocoPlant in which a robot stands.
 
@@ -172,6 +180,7 @@ def add_mujoco_plant(
         robot: the robot.
         time_step: of the plant [s].
         ground: what the robot stands on; None: it is flat.
+        mjcf: what moves in the robot's place (see MujocoModel).
 
     Returns:
         The MujocoPlant; the MultibodyPlant that it replaces, which is no part
@@ -185,7 +194,7 @@ def add_mujoco_plant(
     plant = MultibodyPlant(time_step)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     robot.stand_in(plant, scene_graph, ground)
-    engine = MujocoPlant(plant, scene_graph)
+    engine = MujocoPlant(plant, scene_graph, mjcf)
     builder.AddNamedSystem("mujoco_plant", engine)
     poses = builder.AddNamedSystem(
         "poses", MultibodyPositionToGeometryPose(plant, True)

@@ -6,13 +6,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side
-from nadia_balance.new_robot.description import Anatomy, Description, Leg, Notes
+from nadia_balance.new_robot.description import (
+    Anatomy,
+    Description,
+    Joint,
+    Leg,
+    Notes,
+)
 from nadia_balance.parameters.bounds import require
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
 # Smallest cosine to the lateral axis, or of the up axis to the legs [-].
 ALONG = 0.75
+_OBLIQUE = 0.64  # the same of a hip's pitch axis: 50 degrees [-]
+# The ranges of a knee that bends as far forward as back differ by less [rad].
+_EITHER_WAY = 0.3
 # A last pitch joint this near to one that is no knee, in bones, is a toe's.
 _TOE = 0.6
 
@@ -62,7 +72,9 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
                 for chain in (one, other)
             )
             # Arms may be as heavy, not as strong.
-            strength = 1.0 + np.mean([joint.effort for joint in one + other])
+            strength = 1.0 + np.mean(
+                _efforts(robot, one) + _efforts(robot, other)
+            )
             pairs.append((mass * strength, pair, one, other))
     require(
         len(pairs) > 0,
@@ -76,6 +88,17 @@ def two_legs(robot: Description, named: Names) -> list[Leg]:
         Leg(foot, [joint.name for joint in chain])
         for foot, chain in zip(pair, (one, other), strict=True)
     ]
+
+
+def _efforts(robot: Description, chain: Sequence[Joint]) -> list[float]:
+    """The effort limits [N m]; 0 for one beyond the weight times the chain.
+
+    It is no motor's, but stands in a file for a limit that nobody knows.
+    """
+    points, _ = robot.hinges([joint.name for joint in chain], robot.poses())
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    largest = GRAVITY * robot.mass(robot.links) * float(length)
+    return [joint.effort * (joint.effort <= largest) for joint in chain]
 
 
 def _torso(robot: Description, legs: Sequence[Leg]) -> str:
@@ -110,8 +133,9 @@ def find_anatomy(
 ) -> Anatomy:
     """Finds torso, sides and axes of a robot.
 
-    Forward is opposite to the motion of the feet when the knees bend, or, if
-    they do not agree, from the ankles to the feet's centres of mass.
+    Forward is opposite to the motion of the feet when the knees bend from
+    straight to the farther end of their ranges, or, if they do not agree, from
+    the ankles to the feet's centres of mass.
 
     Args:
         robot: its root is the pelvis.
@@ -130,8 +154,8 @@ def find_anatomy(
     lateral = _snapped(across - up * (up @ across), "the feet")
     for leg in legs:
         leg.pitches = _pitches(robot, leg, lateral)
-    forward = np.cross(lateral, up)
-    sign = _sign(robot, legs, named, forward=forward)
+    axes = np.stack([np.cross(lateral, up), lateral, up], axis=1)
+    sign = _sign(robot, legs, named, axes=axes)
     sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
     torso = (
         robot.holder(named["torso"])
@@ -150,26 +174,23 @@ def find_anatomy(
             f"{side.value} leg: hip pitch {hip}, knee {knee}, "
             f"ankle pitch {ankle}",
         )
-    return Anatomy(
-        torso=torso,
-        legs=sides,
-        axes=np.stack([sign * forward, sign * lateral, up], axis=1),
-    )
+    return Anatomy(torso=torso, legs=sides, axes=axes * [sign, sign, 1.0])
 
 
 def _sign(
-    robot: Description, legs: Sequence[Leg], named: Names, *, forward: Array
+    robot: Description, legs: Sequence[Leg], named: Names, *, axes: Array
 ) -> float:
-    """+1 if `forward` (3,) is, and legs[0] the left one; -1 if not."""
+    """+1 if the first of the `axes` is forward, and legs[0] left; or -1."""
     for name, side in FEET.items():
         if named.get(name):
             is_first = robot.holder(named[name]) == legs[0].foot
             return float(side.sign if is_first else -side.sign)
-    ahead = [_back(robot, leg, forward) for leg in legs]
-    if min(ahead) * max(ahead) < 1e-4:
+    knees = [Knee(robot, leg, axes) for leg in legs]
+    ahead = [knee.min_bend + knee.max_bend for knee in knees]
+    if min(ahead) < _EITHER_WAY and max(ahead) > -_EITHER_WAY:
         poses = robot.poses()
         ahead = [
-            forward
+            axes[:, 0]
             @ (
                 poses[leg.foot] @ robot.links[leg.foot].M.get_com()
                 - poses[leg.foot].translation()
@@ -180,37 +201,78 @@ def _sign(
 
 
 def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
-    """The joints of hip, knee and ankle about the `lateral` axis."""
+    """The joints of hip, knee and ankle about the `lateral` axis.
+
+    The knee has the longest bones, and the hip's is the most lateral above it.
+    """
     points, axes = robot.hinges(leg.joints, robot.poses())
-    hinges = dict(zip(leg.joints, points, strict=True))
-    pitches = list(
-        itertools.compress(leg.joints, np.abs(axes @ lateral) > ALONG)
-    )
-    require(
-        len(pitches) >= 3,
-        f"leg to {leg.foot}: must have hip, knee and ankle about the "
-        f"lateral axis; it has {', '.join(pitches) or 'none'}",
-    )
-    hip, *inner, ankle = pitches
+    cosines = np.abs(axes @ lateral)
+    *upper, ankle = np.flatnonzero(cosines > ALONG).tolist() or [0]
     bones = {
-        name: min(
-            np.linalg.norm(hinges[end] - hinges[name]) for end in (hip, ankle)
-        )
-        for name in inner
+        i: min(np.linalg.norm(points[end] - points[i]) for end in (0, ankle))
+        for i in upper
     }
-    knee = max(inner, key=bones.__getitem__)
+    knee = max(upper, key=bones.__getitem__, default=0)
+    hip = int(np.argmax(cosines[:knee].round(3))) if knee else 0
+    names = [leg.joints[i] for i in (*upper, ankle)]
     require(
-        inner[-1] == knee or bones[inner[-1]] >= _TOE * bones[knee],
-        f"joint {ankle}: must be welded, --fix {ankle}: it looks like a toe's",
+        knee > 0 and cosines[hip] > _OBLIQUE,
+        f"leg to {leg.foot}: must have hip, knee and ankle about the "
+        f"lateral axis; it has {', '.join(names)}",
     )
-    return [hip, knee, ankle]
+    require(
+        upper[-1] == knee or bones[upper[-1]] >= _TOE * bones[knee],
+        f"joint {names[-1]}: must be welded, --fix {names[-1]}: it looks like "
+        "a toe's",
+    )
+    return [leg.joints[i] for i in (hip, knee, ankle)]
 
 
-def _back(robot: Description, leg: Leg, forward: Array) -> float:
-    """Difference [m] of the foot's ranges backward and forward by the knee."""
-    knee = robot.joints[leg.knee]
-    lower, middle, upper = (
-        np.asarray(robot.poses({leg.knee: angle})[leg.foot].translation())
-        for angle in (knee.lower, knee.nearest(0.0), knee.upper)
-    )
-    return float(forward @ (2.0 * middle - lower - upper))
+class Knee:
+    """A knee in the sagittal plane; its bend is > 0 if the foot moves back.
+
+    `at_zero` is the bend at joint angle 0 [rad], `sense` the sign of d bend /
+    d angle, `min_bend` and `max_bend` are the ends of its range [rad].
+    """
+
+    def __init__(self, robot: Description, leg: Leg, axes: Array) -> None:
+        """Measures it, all joints of the leg at 0.
+
+        Args:
+            robot: with the leg.
+            leg: with its pitch joints.
+            axes: (3, 3): forward, left, up in the root, one a column.
+        """
+        points, hinges = robot.hinges(
+            leg.pitches, robot.poses(dict.fromkeys(leg.joints, 0.0))
+        )
+        a, b = np.diff(points @ axes[:, [0, 2]], axis=0)
+        self.bones = [float(np.linalg.norm(bone)) for bone in (a, b)]
+        self.at_zero = float(np.arctan2(a[1] * b[0] - a[0] * b[1], a @ b))
+        self.sense = float(np.sign(hinges[1] @ axes[:, 1]))
+        joint = robot.joints[leg.knee]
+        self.min_bend, self.max_bend = sorted(
+            self.at_zero + self.sense * end
+            for end in (joint.lower, joint.upper)
+        )
+
+    def angle(self, bend: float) -> float:
+        """Returns the joint angle of a bend.
+
+        Args:
+            bend: from straight [rad].
+
+        Returns:
+            The angle [rad].
+        """
+        return self.sense * (bend - self.at_zero)
+
+    def longest(self) -> float:
+        """Returns the largest distance from hip to ankle.
+
+        Returns:
+            The distance [m], by the law of cosines.
+        """
+        cosine = np.cos(min(max(0.0, self.min_bend), self.max_bend))
+        a, b = self.bones
+        return float(np.sqrt(a**2 + b**2 + 2.0 * (a * b * cosine)))

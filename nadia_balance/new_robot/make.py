@@ -224,10 +224,9 @@ def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
         _doubt_pair([robot.joints[name] for name in names], robot, notes)
     for side, leg in anatomy.legs.items():
         for name in (leg.foot, *leg.joints):
-            if any(
-                _SIDES.get(word.lower()) == -side.sign
-                for word in _WORDS.findall(name)
-            ):
+            words = {word.lower() for word in _WORDS.findall(name)}
+            signs = {_SIDES[word] for word in words & _SIDES.keys()}
+            if signs == {-side.sign}:  # both: left_foot_front_right
                 notes.add(
                     "warning",
                     "left and right swapped? On the other side, seen forward",

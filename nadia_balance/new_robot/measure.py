@@ -13,7 +13,7 @@ from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
-from nadia_balance.new_robot.anatomy import ALONG
+from nadia_balance.new_robot.anatomy import ALONG, Knee
 from nadia_balance.new_robot.description import (
     Anatomy,
     Description,
@@ -68,7 +68,9 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         subject=f"soles of {' and '.join(soles)}",
         place="under the ankles",
     )
-    knees = {leg.knee: _Knee(robot, leg) for leg in anatomy.legs.values()}
+    knees = {
+        leg.knee: Knee(robot, leg, np.eye(3)) for leg in anatomy.legs.values()
+    }
     lengths = [knee.longest() for knee in knees.values()]
     length = _mean_of_alike(
         lengths,
@@ -130,16 +132,18 @@ def _geometry(
     poses = robot.poses(posture)
     left, right = (poses[foot] @ p_FS for foot in anatomy.feet.values())
     ground = float(0.5 * (left + right)[2])
-    com = float(robot.com(poses)[2])
+    com = robot.com(poses)
     pitches = [leg.pitches for leg in anatomy.legs.values()]
     hips, _, ankles = (
-        float(robot.hinges(names, poses)[0][:, 2].mean())
+        robot.hinges(names, poses)[0].mean(axis=0)
         for names in zip(*pitches, strict=True)
     )
-    return com - ground, LegGeometry(
+    ahead = (hips - com) - (ankles - 0.5 * (left + right))
+    return float(com[2]) - ground, LegGeometry(
         length=length,
-        ankle_height=ankles - ground,
-        com_above_hip=com - hips,
+        ankle_height=float(ankles[2]) - ground,
+        com_above_hip=float(com[2] - hips[2]),
+        hip_ahead=float(ahead[0]),
         hip_width=float(left[1] - right[1]),
     )
 
@@ -217,7 +221,7 @@ def _mean_of_alike(
     return float(np.mean(values))
 
 
-def _joint_limits(knees: Mapping[str, "_Knee"]) -> dict[str, dict[str, float]]:
+def _joint_limits(knees: Mapping[str, Knee]) -> dict[str, dict[str, float]]:
     """Limits of joints [rad], with which no knee gets straight."""
     return {
         f"joint_{end}_limits": {
@@ -279,38 +283,21 @@ def _lean(robot: Description, anatomy: Anatomy) -> float:
     return max(lean, 0.0)
 
 
-class _Knee:
-    """A knee in the x-z plane; its bend [rad] is > 0 if the foot moves back."""
+def _free(robot: Description, leg: Leg) -> list[str]:
+    """The joints that put a sole under the CoM: pitches of hip and ankle.
 
-    def __init__(self, robot: Description, leg: Leg) -> None:
-        points, axes = robot.hinges(
-            leg.pitches, robot.poses(dict.fromkeys(leg.joints, 0.0))
-        )
-        a, b = np.diff(points[:, [0, 2]], axis=0)
-        self.bones = [float(np.linalg.norm(bone)) for bone in (a, b)]
-        # The bend at joint angle 0, and the sign of d bend / d angle.
-        self.at_zero = float(np.arctan2(a[1] * b[0] - a[0] * b[1], a @ b))
-        self.sense = float(np.sign(axes[1, 1]))
-        joint = robot.joints[leg.knee]
-        self.min_bend, self.max_bend = sorted(
-            self.at_zero + self.sense * end
-            for end in (joint.lower, joint.upper)
-        )
-
-    def angle(self, bend: float) -> float:
-        return self.sense * (bend - self.at_zero)
-
-    def longest(self) -> float:
-        """Largest distance [m] from hip to ankle, by the law of cosines."""
-        cosine = np.cos(min(max(0.0, self.min_bend), self.max_bend))
-        a, b = self.bones
-        return float(np.sqrt(a**2 + b**2 + 2.0 * (a * b * cosine)))
+    If that of the hip is oblique, all but the knee.
+    """
+    _, axes = robot.hinges(leg.pitches[:1], robot.poses())
+    if abs(axes[0, 1]) > ALONG:
+        return leg.pitches[::2]
+    return [name for name in leg.joints if name != leg.knee]
 
 
 def _posture(
     robot: Description,
     legs: Sequence[Leg],
-    knees: Mapping[str, _Knee],
+    knees: Mapping[str, Knee],
     *,
     p_FS: Array,
 ) -> dict[str, float]:
@@ -320,28 +307,37 @@ def _posture(
             raise ValueError(
                 f"joint {name}: must bend the knee, so that the foot goes "
                 f"back, by {_BENDS[-1]:.2f} rad; it does by "
-                f"{knee.max_bend:.2f} rad"
+                f"{knee.max_bend:.2f} rad (--left-foot tells which way is "
+                "forward)"
             )
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
         for name, joint in robot.joints.items()
     }
-    searched = [name for leg in legs for name in leg.pitches[::2]]
+    searched = [name for leg in legs for name in _free(robot, leg)]
     bounds = [
         [robot.joints[name].nearest(end, _LEG_MARGIN) for name in searched]
         for end in (-np.inf, np.inf)
     ]
 
-    # How far ahead of the CoM the soles are [m], and their tilts [-].
+    hanging = robot.poses()
+
     def error(values: Array) -> Array:
         angles.update(zip(searched, map(float, values), strict=True))
         poses = robot.poses(angles)
         com = robot.com(poses)
-        feet = [poses[leg.foot] for leg in legs]
-        ahead = [(X_RF @ p_FS - com)[0] for X_RF in feet]
-        tilts = [X_RF.rotation().matrix()[2, 0] for X_RF in feet]
-        return np.array(ahead + tilts)
+        misses: list[float] = []
+        for leg in legs:
+            X_RF = poses[leg.foot]
+            R = X_RF.rotation().matrix()
+            # Ahead of the CoM [m], and its tilt [-].
+            misses += [(X_RF @ p_FS - com)[0], R[2, 0]]
+            if len(searched) > 2 * len(legs):
+                # Its tilt across, its heading, and how far it moves aside [m].
+                aside = (X_RF @ p_FS - hanging[leg.foot] @ p_FS)[1]
+                misses += [R[2, 1], R[1, 0], aside]
+        return np.array(misses)
 
     for bend in _BENDS:
         for name, knee in knees.items():

@@ -122,7 +122,7 @@ def read_urdf(
             joints[name].rotor_inertia = rotor * gear**2
     joints = {n: j for n, j in joints.items() if j.type != "floating"}
     let_go(links, joints, notes)
-    return Description(top.get("name") or file.stem, links, joints)
+    return described(top.get("name") or file.stem, links, joints, notes)
 
 
 def _links(
@@ -178,6 +178,32 @@ def let_go(
                     "changed", "no longer welded to the world", joint.child
                 )
                 del joints[name]
+
+
+def described(
+    name: str, links: dict[str, Link], joints: dict[str, Joint], notes: Notes
+) -> Description:
+    """Makes the robot, and notes which bodies are no parts of it.
+
+    Args:
+        name: of the robot.
+        links: by name.
+        joints: by name.
+        notes: get the links that no joint joins to the floating base.
+
+    Returns:
+        The robot.
+
+    Raises:
+        ValueError: the joints leave no tree, or not one floating base.
+    """
+    robot = Description(name, links, joints)
+    others = [
+        link for link in links if link != "world" and link not in robot.links
+    ]
+    if others:
+        notes.add("changed", "left out, not joined to the robot", *others)
+    return robot
 
 
 def _parts(top: Element, tag: str) -> dict[str, _Part]:

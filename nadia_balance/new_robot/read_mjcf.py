@@ -23,7 +23,7 @@ from nadia_balance.new_robot.description import (
     Vector,
     spatial_inertia,
 )
-from nadia_balance.new_robot.read import let_go
+from nadia_balance.new_robot.read import described, let_go
 
 _KINDS = {
     mujoco.mjtJoint.mjJNT_HINGE: "revolute",
@@ -78,7 +78,7 @@ def read_mjcf(file: Path, notes: Notes) -> Description:
         link.M = _inertia_of_body(model, body, origins[body])
     _mark_mimics(model, joints)
     let_go(links, joints, notes)
-    return Description(spec.modelname, links, joints)
+    return described(spec.modelname, links, joints, notes)
 
 
 def _leave_out(spec: mujoco.MjSpec, file: Path, notes: Notes) -> None:

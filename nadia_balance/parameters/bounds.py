@@ -1,12 +1,14 @@
 """Parameters: their bounds, unit and meaning, written beside their default.
 
-@parameters
-class Params:
-    '''Of the feedback.'''
+For example:
 
-    gain: float = bounded(3.0, above=1.0, doc="of the ICP error")
+    @parameters
+    class Params:
+        '''Of the feedback.'''
 
-check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
+        gain: float = bounded(3.0, above=1.0, doc="of the ICP error")
+
+    check(Params(gain=0.5))  # ValueError: gain = 0.5: must be > 1
 """
 
 import dataclasses

@@ -65,6 +65,30 @@ class VelocityWatch:
         ) / (time - then)
 
 
+def clipped_words(command: Array, limits: Array) -> str:
+    """Says that a velocity command is beyond what the robot can walk.
+
+    Args:
+        command: forward, left [m/s], turn [rad/s], (3,).
+        limits: least and most of it, (2, 3).
+
+    Returns:
+        Such as `more than it can walk: 0.85 of 0.90 m/s forward is taken`; ""
+        for a command within the limits.
+    """
+    taken = np.clip(command, limits[0], limits[1])
+    parts = [
+        f"{_signed(least)} of {_signed(asked)} {unit} {name}"
+        for (name, unit), asked, least in zip(
+            _UNITS, command, taken, strict=True
+        )
+        if asked != least
+    ]
+    if not parts:
+        return ""
+    return f"more than it can walk: {', '.join(parts)} is taken"
+
+
 def velocity_lines(commanded: Array, walked: Array) -> list[str]:
     """Returns a line for forward, and for each of the others if commanded.
 
@@ -113,7 +137,7 @@ class FallWatch:
         self,
         time: float,
         regions: CaptureRegions | None,
-        icp_error: float,
+        icp_error: float | None,
         joint: str = "",
         speed_ratio: float = 0.0,
     ) -> None:
@@ -122,7 +146,8 @@ class FallWatch:
         Args:
             time: now [s].
             regions: the capture regions; without any outside of a swing.
-            icp_error: distance of the ICP from its reference [m].
+            icp_error: distance of the ICP from its reference [m]; None: the
+                controller has none.
             joint: the joint that is closest to its speed limit.
             speed_ratio: its speed per limit [-].
         """
@@ -134,7 +159,8 @@ class FallWatch:
         self._in_air = words
         if speed_ratio > 1.0:
             self._fast.append((time, joint, speed_ratio))
-        self._errors.append((time, icp_error))
+        if icp_error is not None:
+            self._errors.append((time, icp_error))
         for queue in self._landed, self._fast, self._errors:
             while queue and time - queue[0][0] > REMEMBERED + 1e-9:
                 queue.popleft()
@@ -144,7 +170,7 @@ class FallWatch:
 
         Returns:
             The causes, the first of them first; without any, the largest ICP
-            error; "" before the first look.
+            error; "" without one, as before the first look.
         """
         causes: list[tuple[float, str]] = []
         if self._in_air:

@@ -8,8 +8,11 @@ that the evaluation and all plots need: `sole` (4, 2) [m]; `weight` () [N]; of
 the actuators, all (nu,), `actuator_names`, `effort_limits` [N m],
 `joint_speed_limits` [rad/s] and `joint_speed_columns` of `state`;
 `region_base`, `region_forward` and `region_backward` (n, 2) [m], the
-reachability regions (see core.body.reachability); and, on a ground of regions,
-`ground` (n, 3), the number of the region and x, y [m] of each corner.
+reachability regions (see core.body.reachability); `capture_regions` (k, 4), of
+a run with Meshcat, the corners of C_1 and C_N 16 times a second of a swing:
+time [s], n of C_n, x and y [m]; with commands of a user's source,
+`velocity_limits` (2, 3) [m/s], [rad/s]; and, on a ground of regions, `ground`
+(n, 3), the number of the region and x, y [m] of each corner.
 
 `actuation` are the commanded torques, `torques` those of the drives.
 `touchdowns` (k, 8) has a Touchdown in each row, by their times; `step_forces`

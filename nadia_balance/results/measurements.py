@@ -403,9 +403,11 @@ def joint_speed_ratio(log: Log) -> Array:
         log: log of a run.
 
     Returns:
-        |joint speed| / limit (n, nu) [-]; empty without joints.
+        |joint speed| / limit (n, nu) [-]; empty without joints or limits.
     """
-    return joint_speed(log) / log.get("joint_speed_limits", np.ones(0))
+    if "joint_speed_limits" not in log:
+        return np.zeros((0, 0))
+    return joint_speed(log) / log["joint_speed_limits"]
 
 
 def _powers(log: Log) -> Array:

@@ -1,12 +1,13 @@
 """What a run leaves: its files, the replay; and the page of a live session.
 
-Meshcat cannot show text (Drake 1.58), so its pages are changed: a status text,
-a legend, and a camera that follows the robot.
+Meshcat cannot show text (Drake 1.58), so its pages are changed: words and a
+legend beside the scene, and a camera that follows the robot.
 """
 
 import base64
 import contextlib
 import gzip
+import html
 import json
 import re
 import threading
@@ -22,20 +23,10 @@ from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
 
 from nadia_balance import palette
-from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.core.walking.state import Side
+from nadia_balance.results.film import film
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.log import (
-    Log,
-    PhaseSpan,
-    icp_error,
-    mode_spans,
-    phase_spans,
-    pushes,
-    steps,
-    velocity_commands,
-)
-from nadia_balance.results.measurements import torque_ratio
+from nadia_balance.results.log import Log
 from nadia_balance.results.plots import footsteps
 from nadia_balance.results.plots.style import RC
 from nadia_balance.results.plots.time_series import (
@@ -44,9 +35,8 @@ from nadia_balance.results.plots.time_series import (
     draw_estimate,
     draw_icp,
 )
-from nadia_balance.results.story import command_words, tell_commands, telling
 from nadia_balance.view.balance_visualizer import MIDDLE
-from nadia_balance.view.scene import FRAMES_PER_SECOND
+from nadia_balance.view.scene import FRAMES_PER_SECOND, NIGHT
 
 PLOTS: dict[str, Callable[[Log, dict[str, Any]], Figure | None]] = {
     "timeline.png": draw_contacts,
@@ -58,9 +48,9 @@ PLOTS: dict[str, Callable[[Log, dict[str, Any]], Figure | None]] = {
 
 # All files that a run may write.
 FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
-_FOLLOW, _STATUS, _LEGEND, _REPLAY, _LIVE = (
+_PAGE, _REPLAY, _LIVE = (
     (Path(__file__).parent / f"{name}.html").read_text(encoding="utf-8")
-    for name in ("follow", "status", "legend", "replay", "live")
+    for name in ("page", "replay", "live")
 )
 # A long command to the viewer; the only one of a replay is its animation.
 _LONG = re.compile(
@@ -72,9 +62,8 @@ _INFLATE = """fetch("data:application/gzip;base64,%s")
         res.body.pipeThrough(new DecompressionStream("gzip"))))
     .then(res => """
 _TITLE = re.compile("<title>.*?</title>")
-_LIVE_TITLE = """<title>nadia_balance live</title>
+_HEAD = """<title>%s</title>
   <meta name="viewport" content="width=device-width, initial-scale=1">"""
-_POINTS = 500  # largest number of points of a curve
 _POLLED = "/status"  # path of the live text, as a list of lines
 
 
@@ -102,9 +91,7 @@ def write_run(
     """
     with appearing(folder) as drafts:
         if meshcat is not None:
-            write_replay(
-                meshcat, drafts / "replay.html", replay_status(log, summary)
-            )
+            write_replay(meshcat, drafts / "replay.html", film(log, summary))
         np.savez(drafts / "log.npz", **log)  # type: ignore[arg-type]
         (drafts / "summary.json").write_text(
             json.dumps(summary, indent=2, allow_nan=False) + "\n",
@@ -149,7 +136,9 @@ def start_recording(meshcat: Meshcat, live: bool = False) -> None:
     meshcat.StartRecording(FRAMES_PER_SECOND, live)
 
 
-def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
+def write_replay(
+    meshcat: Meshcat, path: Path, shown: dict[str, Any] | None = None
+) -> None:
     """Ends the recording and writes it, with a legend.
 
     The recording is also sent to browsers that show the scene.
@@ -157,176 +146,52 @@ def write_replay(meshcat: Meshcat, path: Path, status: str = "") -> None:
     Args:
         meshcat: scene that is recorded.
         path: HTML file to write.
-        status: HTML of the status text (see replay_status).
+        shown: what is beside the scene (see `film`).
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page = _LONG.sub(_compressed, meshcat.StaticHtml())
-    path.write_text(_extended(page, _legend(), status), encoding="utf-8")
+    page = _extended(
+        page,
+        str((shown or {}).get("title", "")),
+        palette.LEGEND,
+        *([_filled(_REPLAY, shown)] if shown else []),
+    )
+    path.write_text(page, encoding="utf-8")
 
 
-def _extended(page: str, *additions: str) -> str:
-    """Meshcat's `page`, which follows the robot, with HTML at its end."""
+def _extended(
+    page: str, title: str, legend: dict[str, palette.Entry], *additions: str
+) -> str:
+    """Meshcat's `page` with words and a legend beside the scene."""
+    data = {
+        "title": title,
+        "legend": [
+            *((name, [[*entry]]) for name, entry in legend.items()),
+            (
+                "foothold as adjusted",
+                [[palette.OUTLINE, palette.foot_color(side)] for side in Side],
+            ),
+        ],
+        "middle": MIDDLE,
+        "colors": NIGHT,
+    }
+    page = _TITLE.sub(lambda _: _HEAD % html.escape(title), page)
     page, end, rest = page.rpartition("</body>")
-    return "".join([page, _FOLLOW % MIDDLE, *additions, end, rest])
+    return "".join([page, _filled(_PAGE, data), *additions, end, rest])
+
+
+def _filled(template: str, data: Any) -> str:
+    """HTML with data; a text in it cannot end its script."""
+    return template.replace(
+        "{{data}}", json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+    )
 
 
 def _compressed(command: re.Match[str]) -> str:
     """The command with compressed data, which the browser inflates."""
     packed = gzip.compress(base64.b64decode(command[1]), mtime=0)
     return _INFLATE % base64.b64encode(packed).decode()
-
-
-def _legend(colors: dict[str, str] = palette.LEGEND) -> str:
-    """The legend of the `colors` as HTML; empty squares are outlines."""
-    feet = [_square(palette.foot_color(side), True) for side in Side]
-    entries = [
-        *(
-            f"{_square(color, name in palette.OUTLINED)} {name}"
-            for name, color in colors.items()
-        ),
-        f"{''.join(feet)} foothold as adjusted",
-    ]
-    return _LEGEND % "".join(f"<div>{entry}</div>" for entry in entries)
-
-
-def _square(color: str, outlined: bool) -> str:
-    return f'<b style="color:{color}">&#{9632 + outlined};</b>'
-
-
-def replay_status(log: Log, summary: dict[str, Any]) -> str:
-    """Returns the HTML of the status text of a replay.
-
-    Each line of the story appears at its time, but for the commands, as the
-    present one is told beside the mode; the last one, the result of the run, is
-    shortened to its first part.  Buttons below jump to the begin of
-    each push, step and command, below curves of ICP error, foot forces and
-    torque.
-
-    Args:
-        log: log of a run.
-        summary: summary of the run.
-
-    Returns:
-        HTML for the end of the page.
-    """
-    data = json.dumps(
-        {
-            "title": "  ·  ".join(
-                str(summary[name])
-                for name in ("scenario", "robot", "plant", "mechanisms")
-                if name in summary
-            ),
-            "phases": _moments(log),
-            "story": _timed_story(log, summary),
-            "jumps": _jumps(log),
-            "curves": _curves(log),
-            "end": float(log["t"][-1]),
-        }
-    )
-    return _STATUS + _REPLAY % data.replace("<", "\\u003c")
-
-
-def _timed_story(
-    log: Log, summary: dict[str, Any]
-) -> list[tuple[float, str, str]]:
-    """Times, lines and colours of the story; a colour of "" is the usual."""
-    commands = tell_commands(log)
-    *lines, (end, result) = (
-        line for line in telling(log, summary) if line not in commands
-    )
-    color = "#1b7a3d" if summary["recovered"] else "#c01a2e"  # green, or red
-    return [
-        *((time, " ".join(text.split()), "") for time, text in lines),
-        (end, result.split("   ")[0], color),
-    ]
-
-
-def _jumps(log: Log) -> list[tuple[float, str, str]]:
-    """Times, labels and colours of the buttons."""
-    return [
-        *((push.start, "push", palette.PUSH) for push in pushes(log)),
-        *((time, text, palette.COMMAND) for time, text in tell_commands(log)),
-        *(
-            (
-                step.swing.start,
-                f"step {step.number}",
-                palette.foot_color(step.side),
-            )
-            for step in steps(log)
-        ),
-    ]
-
-
-def _moments(log: Log) -> list[tuple[float, str]]:
-    """Times, and what the status says from then on: mode, phase, command.
-
-    Such as `recovering (left swing)`, or `standing`.
-    """
-    modes = [(span.start, span.mode.value) for span in mode_spans(log)]
-    phases = [(span.start, _phase_words(span)) for span in phase_spans(log)]
-    commands = [
-        (time, command_words(command))
-        for time, command in velocity_commands(log)
-    ]
-    texts = []
-    for time in sorted({time for time, _ in (*modes, *phases, *commands)}):
-        moment, phase = _last(modes, time), _last(phases, time)
-        if moment != phase:
-            moment = f"{moment} ({phase})" if moment else phase
-        words = filter(None, (moment, _last(commands, time)))
-        texts.append((time, ", ".join(words)))
-    return texts
-
-
-def _phase_words(span: PhaseSpan) -> str:
-    if span.phase is Phase.STANDING:
-        return str(span.phase.value)
-    return f"{span.swing_side.value} {span.phase.value}"
-
-
-def _last(texts: list[tuple[float, str]], time: float) -> str:
-    """The last one of timed texts that is not later than `time` [s]."""
-    return next((text for t, text in reversed(texts) if t <= time), "")
-
-
-# A label, and its curves: colour, and values in % of the strip's largest.
-_Strip = tuple[str, list[tuple[str, list[int]]]]
-
-
-def _curves(log: Log) -> list[_Strip]:
-    """The strips that the log has the data for."""
-    strips = []
-    if "icp_reference" in log:
-        strips.append(
-            _strip(icp_error(log), "ICP error, up to {:.2f} m", [palette.ICP])
-        )
-    if "weight" in log:
-        strips.append(
-            _strip(
-                (log["foot_forces"] / log["weight"]).T,
-                label="foot forces, up to {:.1f} of the weight",
-                colors=[palette.LEFT, palette.RIGHT],
-            )
-        )
-    if "effort_limits" in log:
-        strips.append(
-            _strip(
-                np.max(torque_ratio(log), axis=1),
-                label="largest torque, up to {:.0%} of its limit",
-                colors=[palette.SUPPORT],
-            )
-        )
-    return strips
-
-
-def _strip(values: Array, label: str, colors: list[str]) -> _Strip:
-    """A strip of `values` (..., n); a point is the largest of its share."""
-    edges = np.linspace(0, values.shape[-1] - 1, _POINTS).astype(int)
-    peaks = np.maximum.reduceat(np.atleast_2d(values), np.unique(edges), 1)
-    largest = float(np.max(peaks))
-    scaled = np.rint(100.0 * peaks / max(largest, 1e-9)).astype(int)
-    return label.format(largest), [*zip(colors, scaled.tolist(), strict=True)]
 
 
 class LivePage(ThreadingHTTPServer):
@@ -346,14 +211,14 @@ class LivePage(ThreadingHTTPServer):
         self._lines: list[str] = []
         self._meshcat_url = meshcat.web_url()
         self._fetch = build_opener(ProxyHandler({})).open
-        page = _TITLE.sub(_LIVE_TITLE, self._fetched("/").decode())
+        page = self._fetched("/").decode()
         # The page still connects to Meshcat's websocket.
         page = page.replace("location.toString()", f'"{self._meshcat_url}/"')
         self._page = _extended(
             page,
-            _legend(palette.LEGEND | palette.LIVE_LEGEND),
-            _STATUS,
-            _LIVE % _POLLED,
+            "nadia_balance live",
+            palette.LEGEND | palette.LIVE_LEGEND,
+            _filled(_LIVE, _POLLED),
         ).encode()
         super().__init__(("localhost", 0), _Handler)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Mode, Phase
+from nadia_balance.results.live_watches import clipped_words
 from nadia_balance.results.log import (
     Log,
     PhaseSpan,
@@ -30,12 +31,14 @@ from nadia_balance.results.measurements import (
     is_square,
     recovered_at,
 )
+from nadia_balance.results.summary import STEADY
 from nadia_balance.systems.signals import PHASES, PushSignal, WalkingSignal
 
 # Smaller changes of a foothold [m] and of a duration [s] are not reported.
 TOLD_MOVE, TOLD_TIME = 0.02, 0.05
 # More changes of the velocity command are not reported.
 TOLD_COMMANDS = 12
+NO_GROUND = "no ground in reach where it has to step"
 _ORDINALS = {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}
 
 
@@ -56,7 +59,7 @@ def telling(log: Log, summary: dict[str, Any]) -> list[tuple[float, str]]:
     """Returns the story: pushes, changed steps and the result.
 
     It also has the changes of the velocity command, and when a robot that
-    stood has to step, and stands again.
+    stood has to step, finds no ground, and stands again.
 
     Args:
         log: log of a run.
@@ -74,7 +77,13 @@ def telling(log: Log, summary: dict[str, Any]) -> list[tuple[float, str]]:
         end = max([end, *(time for time, _ in events)])
     outcome = _tell_outcome(log, summary, end)
     story = sorted(
-        [*events, *tell_commands(log), *_tell_modes(log)],
+        [
+            *events,
+            *tell_commands(log),
+            *_tell_clipped(log),
+            *_tell_modes(log),
+            *_tell_no_ground(log),
+        ],
         key=lambda event: event[0],
     )
     if summary["fell_at"] is None and story:
@@ -138,6 +147,8 @@ class LiveStory:
         self._required = calm_steps
         self.last_push = self.result = ""
         self._number = 0.0  # number of the push at the last call of look()
+        self._pushed_at = -math.inf  # when the last push acted [s]
+        self._lacked_ground = False  # since the last push
         # Steps taken before the push; None: no push, or recovered.
         self._pushed_after: int | None = None
         self._calm, self._stands = CalmSteps(), StandsWatch()
@@ -147,7 +158,8 @@ class LiveStory:
         time: float,
         walking: WalkingSignal,
         push: PushSignal,
-        error: float,
+        error: float | None,
+        no_foothold: bool = False,
     ) -> list[str]:
         """Returns what is new.
 
@@ -155,10 +167,13 @@ class LiveStory:
             time: now [s].
             walking: walking signal now.
             push: push signal now.
-            error: ICP error [m].
+            error: ICP error [m]; None: the controller has none, and a robot
+                that is upright STEADY after a push has recovered.
+            no_foothold: no ground in reach is where it has to step.
 
         Returns:
-            Lines on a push that has begun, and on a recovery.
+            Lines on a push that has begun, on ground that lacks, and on a
+            recovery.
         """
         taken, news = int(walking.steps_taken), []
         if push.number not in (0.0, self._number):
@@ -167,22 +182,38 @@ class LiveStory:
                 f"F = {np.linalg.norm(push.force):.0f} N"
             )
             self._pushed_after, self.result = taken, "pushed"
+            self._lacked_ground = False
             news.append(self.last_push)
         self._number = float(push.number)
-        pushed = push.number > 0.0
-        calm = self._calm.look(taken, error, pushed)
-        stood = self._stands.look(time, walking, error, pushed)
-        if self._pushed_after is None:
+        if no_foothold and not self._lacked_ground:
+            self._lacked_ground = True
+            news.append(NO_GROUND)
+        result = self._recovery(time, walking, error, push.number > 0.0)
+        if self._pushed_after is None or not result:
             return news
-        if stood >= SETTLED:
-            count = taken
-        elif calm >= self._required:
-            count = self._calm.taken
-        else:
-            return news
-        self.result = recovery_words(count - self._pushed_after)
-        self._pushed_after = None
+        self.result, self._pushed_after = result, None
         return [*news, self.result]
+
+    def _recovery(
+        self,
+        time: float,
+        walking: WalkingSignal,
+        error: float | None,
+        pushed: bool,
+    ) -> str:
+        """The words on the recovery from the last push; "" before it."""
+        if pushed:
+            self._pushed_at = time
+        if error is None:
+            upright = time - self._pushed_at >= STEADY
+            return f"UPRIGHT {STEADY:g} s after the push" if upright else ""
+        taken, before = int(walking.steps_taken), self._pushed_after or 0
+        calm = self._calm.look(taken, error, pushed)
+        if self._stands.look(time, walking, error, pushed) >= SETTLED:
+            return recovery_words(taken - before)
+        if calm >= self._required:
+            return recovery_words(self._calm.taken - before)
+        return ""
 
     def fell(self, reason: str) -> str:
         """Records a fall.
@@ -209,7 +240,8 @@ def moment_words(walking: WalkingSignal) -> str:
     phase = PHASES[int(walking.phase)]
     if phase is Phase.STANDING:
         return "standing"
-    share = walking.time_in_phase / walking.duration
+    # A policy's may last longer than the one before it.
+    share = min(walking.time_in_phase / walking.duration, 1.0)
     return (
         f"{support_side(walking).other.value} {phase.value} "
         f"{100.0 * share:.0f} %"
@@ -355,6 +387,28 @@ def tell_commands(log: Log) -> list[tuple[float, str]]:
     changes = velocity_commands(log)
     few = changes if len(changes) <= TOLD_COMMANDS else []
     return [(time, command_words(command)) for time, command in few]
+
+
+def _tell_clipped(log: Log) -> list[tuple[float, str]]:
+    """The first command of a user's source that the robot cannot walk."""
+    limits = log.get("velocity_limits")
+    if limits is None:
+        return []
+    events = (
+        (time, clipped_words(command, limits))
+        for time, command in velocity_commands(log)
+    )
+    return [event for event in events if event[1]][:1]
+
+
+def _tell_no_ground(log: Log) -> list[tuple[float, str]]:
+    """When a step had no ground where it had to go, once for each push."""
+    if "no_foothold" not in log:
+        return []
+    times = log["t"][np.flatnonzero(log["no_foothold"])]
+    begins = [push.start for push in pushes(log)]
+    _, first = np.unique(np.searchsorted(begins, times), return_index=True)
+    return [(float(time), NO_GROUND) for time in times[first]]
 
 
 def _tell_modes(log: Log) -> list[tuple[float, str]]:

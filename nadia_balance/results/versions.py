@@ -6,9 +6,7 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import nadia_balance
-
-CHECKOUT = Path(nadia_balance.__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 def versions(engine: str = "drake") -> dict[str, str]:

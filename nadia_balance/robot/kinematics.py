@@ -229,6 +229,7 @@ def whole_body_model(
         position_upper=upper,
         max_torque=effort_limits(plant)[6:],
         max_speed=robot.max_joint_speeds,
+        corner_speed=robot.corner_speeds,
         is_leg_joint=is_leg_joint,
         inertia=_apparent_inertia(plant, posture),
         drives=robot.drives,

@@ -49,6 +49,8 @@ from nadia_balance.robot.urdf import (
 # realistic: limits of a real robot.  ideal: full torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.
 FIDELITIES = ("realistic", "ideal")
+FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
+FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 
 
 class RobotModel:
@@ -75,6 +77,13 @@ class RobotModel:
         self.com_height = params.com_height
         self.posture = params.posture
         self.drives = params.drives
+        self.motors = {
+            joint: motor
+            for motor in (
+                params.drives.motors.values() if params.drives else ()
+            )
+            for joint in motor.joints
+        }
         self.pelvis_body = params.pelvis_body
         self.torso_body = params.torso_body
         self.foot_bodies = {
@@ -111,6 +120,20 @@ class RobotModel:
         return np.where(
             np.isfinite(speeds), speeds, self.params.max_joint_speed
         )
+
+    @cached_property
+    def corner_speeds(self) -> Array:
+        """Shares (nj,) of the speed limits with the full torque [-].
+
+        Ideal drives have it at any speed: 1.
+        """
+        others = 1.0 if self.drives is None else self.drives.corner_speed
+        corners = np.full(self.max_joint_speeds.size, others)
+        for drive in actuators(self.control_plant()):
+            motor = self.motors.get(drive.joint().name())
+            if motor is not None and motor.corner_speed is not None:
+                corners[drive.joint().velocity_start() - 6] = motor.corner_speed
+        return corners
 
     @cached_property
     def point_mass(self) -> PointMassModel:
@@ -160,21 +183,18 @@ class RobotModel:
             The robot's model instance.
 
         Raises:
-            ValueError: the URDF is malformed (see `add_urdf`), or a torque
-                limit is of an unknown joint.
+            ValueError: the URDF is malformed (see `add_urdf`).
         """
         instance = add_urdf(plant, self.urdf)
-        limits = dict(self.drives.max_torque) if self.drives else {}
         for actuator in actuators(plant):
-            if actuator.model_instance() == instance:
-                actuator.set_effort_limit(
-                    limits.pop(actuator.joint().name(), actuator.effort_limit())
-                )
-        for joint in limits:
-            raise ValueError(
-                f"drives.max_torque.{joint}: must be of an actuated joint of "
-                f"{self.name}"
-            )
+            motor = self.motors.get(actuator.joint().name())
+            if motor is None or actuator.model_instance() != instance:
+                continue
+            if motor.max_torque is not None:
+                actuator.set_effort_limit(motor.max_torque)
+            if motor.max_speed is not None:
+                limit: Any = np.array([motor.max_speed])
+                actuator.joint().set_velocity_limits(-limit, limit)
         return instance
 
     def add_plant_to(

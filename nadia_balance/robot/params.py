@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import nadia_balance
 from nadia_balance.core.body.model import (
     JointDriveParams,
     JointImpedanceParams,
@@ -21,7 +20,7 @@ from nadia_balance.parameters.yaml_reader import load_typed
 
 # The folder `models` of a checkout or an installation.  `import models` would
 # also find a user's folder of that name.
-MODELS = (Path(nadia_balance.__file__).parent / "models").resolve()
+MODELS = (Path(__file__).parents[1] / "models").resolve()
 
 
 @parameters

@@ -225,6 +225,16 @@ def _check_drives(
             f"{urdf}: rotor inertia x gear ratio^2 of {name} = {inertia}: must "
             "be >= 0 kg m^2",
         )
+    motors = {} if params.drives is None else params.drives.motors
+    driven: set[str] = set()
+    for kind, motor in motors.items():
+        for name in motor.joints:
+            require(
+                name in drives and name not in driven,
+                f"drives.motors.{kind}.joints = {name}: must be an actuated "
+                f"joint of {params.name}, and named once",
+            )
+            driven.add(name)
 
 
 def _check_angles(params: RobotParams, hinges: dict[str, Joint]) -> None:
@@ -309,7 +319,7 @@ def with_lengths(
         cast(RevoluteJoint, plant.GetJointByName(joint)).set_angle(
             standing, angle
         )
-    com = plant.CalcCenterOfMassPositionInWorld(standing)[2]
+    com = plant.CalcCenterOfMassPositionInWorld(standing)
     left, right = (_position(plant, straight, foot) for foot in feet)
     legs = {"hip_width": left[1] - right[1]}
     axes = [_pitch_axes(plant, straight, foot) for foot in feet]
@@ -317,12 +327,15 @@ def with_lengths(
         bones = np.diff(axes[0], axis=0)[:, [0, 2]]  # in the sagittal plane
         legs["length"] = np.linalg.norm(bones, axis=1).sum()
         legs["ankle_height"] = axes[0][2][2] - left[2] - sole.z
-        legs["com_above_hip"] = com - 0.5 * sum(
-            _pitch_axes(plant, standing, foot)[0][2] for foot in feet
+        hip = np.mean(
+            [_pitch_axes(plant, standing, foot)[0] for foot in feet], axis=0
         )
+        legs["com_above_hip"] = com[2] - hip[2]
+        ankle = axes[0][2][0] - left[0] - 0.5 * (sole.x_min + sole.x_max)
+        legs["hip_ahead"] = hip[0] - com[0] - ankle
     ground = [_position(plant, standing, foot, sole.z)[2] for foot in feet]
     return replace(
-        _filled(params, {"com_height": com - 0.5 * sum(ground)}, given),
+        _filled(params, {"com_height": com[2] - 0.5 * sum(ground)}, given),
         sole=sole,
         legs=_filled(params.legs, legs, given.get("legs")),
     )

@@ -4,8 +4,8 @@ Beside each limit stand those of the papers' figures, and of any controller.
 """
 
 import csv
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,14 @@ from nadia_balance.core.walking.mechanisms import (
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
 from nadia_balance.diagrams.simulation import walk_to_push
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import MODELS
 from nadia_balance.sweep.lipm_limit import LipmLimit
 from nadia_balance.sweep.run_trial import limit_from
 from nadia_balance.sweep.search import SearchParams, Sweep, limit
 from nadia_balance.sweep.trials import (
+    BLOCK,
     MOST,
     Cell,
     Identity,
@@ -169,6 +171,8 @@ class LimitTable:
         mechanisms: fewer before more.
         records: every cell of these and the directions.
         assumptions: of the limits of any controller.
+        beside: limits of another sweep [m/s], by cell.
+        beside_title: its name.
     """
 
     identity: Identity
@@ -176,17 +180,44 @@ class LimitTable:
     mechanisms: list[str]
     records: list[Record]
     assumptions: list[str]
+    beside: dict[Cell, float] = field(default_factory=dict)
+    beside_title: str = ""
 
     def title(self, mechanisms: str) -> str:
-        """The words for these mechanisms, or for the policy.
+        """The words for these mechanisms, or for a controller of another's.
 
         Args:
             mechanisms: a name of NAMED.
 
         Returns:
-            That name, or the name of the policy's file.
+            That name, with the user's blocks; or the name of the policy's file
+            or the controller's class.
         """
-        return str(self.identity.get("controller", mechanisms)).split(" ")[0]
+        title = str(self.identity.get("controller", mechanisms)).split(" ")[0]
+        blocks = [
+            f"{name.removeprefix(BLOCK)}={text.split(' ')[0]}"
+            for name, text in self.identity.items()
+            if name.startswith(BLOCK)
+        ]
+        return ", ".join([title, *blocks])
+
+    def of_beside(
+        self, mechanisms: str, situation: Situation
+    ) -> dict[float, float]:
+        """The limits of the other sweep.
+
+        Args:
+            mechanisms: a name of NAMED.
+            situation: gait and moment of the push.
+
+        Returns:
+            Limits [m/s] by direction [deg].
+        """
+        return {
+            cell.direction_deg: limit
+            for cell, limit in self.beside.items()
+            if cell[:3] == (*situation, mechanisms)
+        }
 
     def of(self, mechanisms: str, situation: Situation) -> list[Record]:
         """The records of all directions.
@@ -205,12 +236,28 @@ class LimitTable:
         ]
 
 
-def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
+def mark(records: Iterable[Record]) -> str:
+    """Marks what is not sure.
+
+    Args:
+        records: of which something is told.
+
+    Returns:
+        `~` if a search has not ended, or knows no push that failed.
+    """
+    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
+    return "" if is_sure else "~"
+
+
+def limit_table(
+    rows: Rows, scenarios: dict[str, Scenario], beside: Path | None = None
+) -> LimitTable:
     """The limits that follow from the rows of a sweep.
 
     Args:
         rows: of the sweep.
         scenarios: by name, those of the rows.
+        beside: folder of another sweep, to compare with.
 
     Returns:
         The limits, also of cells without a trial.
@@ -226,12 +273,17 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
     tried = {cell.mechanisms for cell in groups}
     mechanisms = [name for name in NAMED if name in tried]
     directions = sorted({cell.direction_deg for cell in groups})
+    # Blocks of the user's may do more than the mechanisms that are on.
+    has_own = any(
+        key == "controller" or key.startswith(BLOCK) for key in rows.identity
+    )
     records, assumptions = [], set()
     for situation in situations:
         limits = limits_of(scenarios[situation[0]], situation)
         assumptions |= {limit.assumptions for limit in limits[:1]}
         for name in mechanisms:
-            on = [replace(limit, on=NAMED[name]) for limit in limits]
+            allowed = NAMED[[*MECHANISMS][-1] if has_own else name]
+            on = [replace(limit, on=allowed) for limit in limits]
             for direction in directions:
                 cell = Cell(*situation, name, direction)
                 records.append(
@@ -243,6 +295,8 @@ def limit_table(rows: Rows, scenarios: dict[str, Scenario]) -> LimitTable:
         mechanisms=mechanisms,
         records=records,
         assumptions=sorted(assumptions),
+        beside=known_limits(beside) if beside else {},
+        beside_title=f"beside: {beside.resolve().name}" if beside else "",
     )
 
 
@@ -354,6 +408,24 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
             limit = replace(limits[cell[:2]][1], on=NAMED[cell.mechanisms])
             first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
     return first
+
+
+def check_beside(folder: Path, robot: str) -> None:
+    """Checks a sweep that another one is compared with.
+
+    Args:
+        folder: of that sweep.
+        robot: of the other one.
+
+    Raises:
+        ValueError: it has no limits, or those of another robot.
+    """
+    known_limits(folder)
+    of_robot = Rows.read(folder).identity["robot"]
+    require(
+        of_robot == robot,
+        f"beside = {str(folder)!r}: must be of {robot}, not of {of_robot}",
+    )
 
 
 def known_limits(folder: Path) -> dict[Cell, float]:

@@ -73,9 +73,14 @@ class LipmLimit:
         timing: least durations.
         on: mechanisms.
         kappa: excursion of the eCMP [m].
-        fall: velocity by which the CoM falls at each touchdown; the ICP is
-            then, to first order, that of a touchdown fall / (2 g) earlier (see
-            ComHeight.sinking) [m/s].
+        fall: velocity v by which the CoM falls at each touchdown [m/s].  It
+            falls freely, is caught with twice its weight and is back at its
+            height before it falls again.  At touchdown k = 1, 2, ... the ICP
+            is, to first order, that of a touchdown earlier by
+
+                (v - (2 k - 11/6) (omega v)^2 v / g^2) / (2 g)
+
+            (ComHeight.sinking, integrated).
         push_duration: of the push [s].
 
     Raises:
@@ -359,7 +364,9 @@ class LipmLimit:
             for transfer in [*transfers[1:], *transfers[-1:]][:n]
         ]
         # Not once more at each landing: it depends on the fall of that time.
-        gained = self.fall / (2.0 * GRAVITY)
+        # Once more is lost, since a lower pendulum diverges faster.
+        lost = (w * self.fall / GRAVITY) ** 2 * (2.0 * np.arange(n) + 1.0 / 6.0)
+        gained = self.fall / (2.0 * GRAVITY) * (1.0 - lost)
         return np.asarray(np.exp(-w * (landings - gained)) * loading)
 
 

@@ -1,11 +1,6 @@
-"""Report of a sweep: its limits as text, CSV, and a picture from above.
-
-The picture follows Fig. 10 of the Nadia paper and Fig. 6 of the Atlas paper:
-the radius is the change of velocity by the push; forward is up, left is left.
-"""
+"""Report of a sweep: its limits as text, CSV, and a picture."""
 
 import csv
-import math
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -13,25 +8,18 @@ from statistics import fmean
 from typing import Any, cast
 
 import matplotlib as mpl
-import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from matplotlib.projections.polar import PolarAxes
 
-from nadia_balance import palette
-from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import COLORS
 from nadia_balance.results.folder import appearing
-from nadia_balance.results.plots.style import FAINT, RC, TEXT
+from nadia_balance.results.plots.style import RC, save
 from nadia_balance.robot.model import load_robot
+from nadia_balance.sweep.envelope_plot import draw_envelope
 from nadia_balance.sweep.limits import (
     LIMITS,
     OTHERS,
     WORST,
     LimitTable,
     Record,
-    protocol_of,
+    mark,
 )
 from nadia_balance.sweep.trials import (
     DIGITS,
@@ -41,16 +29,17 @@ from nadia_balance.sweep.trials import (
     with_digits,
 )
 
-PICTURE, TABLES = "envelope.png", "tables.md"
+PICTURE, DRAWING, TABLES = "envelope.png", "envelope.svg", "tables.md"
 
 _NOTES = f"""\
 A push changes the velocity of the robot's whole mass by so many m/s; direction
 0 is forward, 90 left, of the stance foot's heading. It recovered from the
 largest push, and from every smaller one that was tried (`~`: the search has not
-ended, or nothing larger was decided). The limit is the largest push that any
-controller could recover from, computed for {{}}. With hips, the eCMP may leave
-the soles by as much as the controller's may; falling, the CoM sinks as fast as
-the controller's may at each touchdown, too (to first order).
+ended, or nothing larger was decided). The limit is the largest push from which
+a point mass recovers, computed for {{}}. With hips, the eCMP may leave the
+soles by as much as the controller's may; falling, the CoM sinks as fast as the
+controller's may at each touchdown, too (to first order). A robot has hips,
+falls, and may step at other times: it can be beyond the limit.
 [`{LIMITS}`]({LIMITS}) has {DIGITS} digits of each number."""
 # What each table has: column of a record, its title, digits, and the column by
 # which it is divided.
@@ -69,14 +58,6 @@ _TABLES = (
     ("positive_power_w", "power of the drives [W]", 0, ""),
 )
 
-# Names of directions [deg], relative to the heading of the stance foot.
-WORDS = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
-LIMIT_LABEL = "beyond the limit of any\ncontroller on a point\nmass, computed"
-HIPS_LABEL = "and with the momentum\nof the upper body"
-BEYOND = "#eceef2"
-_MOST_NUMBERS = 16  # with more directions, limits are not written [-]
-_PANEL, _KEY, _COLUMNS = 6.0, 2.5, 2  # sizes [in]; columns of panels
-
 
 def write_report(limits: LimitTable, rows: Rows) -> list[str]:
     """Writes picture, tables and CSV beside the rows.
@@ -92,7 +73,7 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
         OSError: they cannot be written; then none is.
     """
     with mpl.rc_context(cast(Any, RC)), appearing(rows.folder) as drafts:
-        draw_envelope(limits).savefig(drafts / PICTURE)
+        save(draw_envelope(limits), drafts / PICTURE)
         (drafts / TABLES).write_text(
             report_text(limits, rows), encoding="utf-8"
         )
@@ -103,7 +84,7 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
                 with_digits(record, [*OTHERS, *WORST])
                 for record in limits.records
             )
-    return [PICTURE, TABLES, LIMITS]
+    return [PICTURE, DRAWING, TABLES, LIMITS]
 
 
 def report_text(limits: LimitTable, rows: Rows) -> str:
@@ -170,6 +151,7 @@ def table_of(
         Its title, and the table.
     """
     columns = [limits.of(one, situation) for one in limits.mechanisms]
+    head = ["direction", *map(limits.title, limits.mechanisms)]
     lines = [
         [
             f"{records[0]['direction_deg']:g}",
@@ -178,9 +160,16 @@ def table_of(
         for records in zip(*columns, strict=True)
     ]
     lines.append(["mean", *(_mean(column, kind) for column in columns)])
-    return kind[1], table(
-        ["direction", *map(limits.title, limits.mechanisms)], lines
-    )
+    beside = limits.of_beside(limits.mechanisms[-1], situation)
+    if kind is RECOVERED and beside:
+        head.append(limits.beside_title)
+        values = [beside.get(r["direction_deg"]) for r in columns[-1]]
+        numbers = [value for value in values if value is not None]
+        for line, value in zip(
+            lines, [*values, fmean(numbers) if numbers else None], strict=True
+        ):
+            line.append("–" if value is None else f"{value:.2f}")
+    return kind[1], table(head, lines)
 
 
 def _mean(records: Sequence[Record], kind: Kind) -> str:
@@ -214,180 +203,3 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     ]
     rule = "|".join("-" * (width + 1) + ":" for width in widths)
     return "\n".join([first, f"|{rule}|", *others])
-
-
-def mark(records: Iterable[Record]) -> str:
-    """Marks what is not sure.
-
-    Args:
-        records: of which something is told.
-
-    Returns:
-        `~` if a search has not ended, or knows no push that failed.
-    """
-    is_sure = all(r["complete"] and r["failed"] is not None for r in records)
-    return "" if is_sure else "~"
-
-
-def draw_envelope(limits: LimitTable) -> Figure:
-    """Draws a panel for each situation, with its references.
-
-    Args:
-        limits: of the sweep.
-
-    Returns:
-        The picture.
-    """
-    columns = min(len(limits.situations), _COLUMNS)
-    rows = math.ceil(len(limits.situations) / columns)
-    fig = Figure(
-        figsize=(columns * _PANEL + _KEY, rows * _PANEL + 0.4),
-        layout="constrained",
-    )
-    for number, situation in enumerate(limits.situations, start=1):
-        ax = cast(
-            PolarAxes,
-            fig.add_subplot(rows, columns, number, projection="polar"),
-        )
-        _draw_directions(ax, limits)
-        ax.set_title(", ".join(situation), fontsize=10.5)
-        _draw_curves(ax, limits, situation)
-    _draw_key(fig, limits)
-    fig.suptitle(
-        "Largest recovered push, by direction   ·   "
-        f"{limits.identity['robot']}, {limits.identity['plant']}",
-        x=0.01,
-        ha="left",
-        fontsize=12,
-        color=TEXT,
-    )
-    return fig
-
-
-def _draw_directions(ax: PolarAxes, limits: LimitTable) -> None:
-    eighths = all(r["direction_deg"] % 45.0 == 0.0 for r in limits.records)
-    angles = np.arange(0.0, 360.0, 45.0 if eighths else 30.0)
-    ax.set_theta_zero_location("N")
-    ax.set_thetagrids(
-        angles,
-        [WORDS.get(angle, f"{angle:g}°") for angle in angles],
-        color=TEXT,
-    )
-    ax.yaxis.set_major_formatter(lambda ring, _: f"{ring:g} m/s")
-    ax.tick_params(axis="y", labelcolor=FAINT, labelsize=8.5)
-    ax.set_rlabel_position(105.0)
-    ax.grid(color=FAINT, lw=0.5, alpha=0.5)
-    ax.spines[:].set_visible(False)
-
-
-def _draw_curves(
-    ax: PolarAxes, limits: LimitTable, situation: Situation
-) -> None:
-    """Draws the limits over those of the paper and of any controller."""
-    last = limits.mechanisms[-1]
-    records = limits.of(last, situation)
-    _draw_limit(ax, records)
-    for mechanisms in reversed(limits.mechanisms):
-        line = closed(_curve(limits.of(mechanisms, situation), "recovered"))
-        color = COLORS[mechanisms]
-        if line.shape[1] > 3:
-            pale = [1.0 - 0.2 * (1.0 - part) for part in palette.rgb(color)]
-            ax.fill(*line, color=pale, lw=0, zorder=2.0)
-        ax.plot(
-            *line,
-            color=color,
-            lw=1.8,
-            marker="o",
-            ms=5.0,
-            zorder=2.5,
-            label=mechanisms,
-        )
-    if len(records) <= _MOST_NUMBERS:
-        _write_numbers(ax, records)
-    protocol = protocol_of(limits.identity["robot"], situation)
-    if protocol:
-        ax.plot(
-            *closed(protocol.curves(situation[0]).get(last, {})),
-            color="#3d4552",
-            ls=(0, (4, 2)),
-            lw=1.5,
-            zorder=3.0,
-            label=protocol.paper,
-        )
-    ax.set_rlim(0.0, max(1.1 * ax.get_rmax(), 1e-3))
-
-
-def _draw_limit(ax: PolarAxes, records: Iterable[Record]) -> None:
-    """Draws the limits of any controller, without and with the hips."""
-    ax.plot(
-        *closed(_curve(records, "with_hips")),
-        color=FAINT,
-        ls=":",
-        lw=1.4,
-        zorder=0.6,
-        label=HIPS_LABEL,
-    )
-    area = closed(_curve(records, "limit"))
-    if area.shape[1] > 3:
-        ax.set_facecolor(BEYOND)
-        ax.fill(*area, fc="white", ec=FAINT, zorder=0.5)
-
-
-def _curve(records: Iterable[Record], name: str) -> dict[float, float]:
-    """The known values of a column, by direction [deg]."""
-    return {
-        record["direction_deg"]: record[name]
-        for record in records
-        if record[name] is not None
-    }
-
-
-def closed(curve: dict[float, float]) -> Array:
-    """Closes a line around the origin.
-
-    Args:
-        curve: radii by angle [deg].
-
-    Returns:
-        Angles [rad] and radii, (2, n); the last point is the first one.
-    """
-    angles = [*sorted(curve), *sorted(curve)[:1]]
-    return np.array([np.radians(angles), [curve[angle] for angle in angles]])
-
-
-def _write_numbers(ax: PolarAxes, records: Iterable[Record]) -> None:
-    """Writes the known limits beside their dots, outward."""
-    for record in records:
-        if record["recovered"] is not None:
-            angle = math.radians(record["direction_deg"])
-            ax.annotate(
-                f"{mark([record])}{record['recovered']:.2f}",
-                xy=(angle, record["recovered"]),
-                xytext=(-15.0 * math.sin(angle), 12.0 * math.cos(angle)),
-                textcoords="offset points",
-                color=COLORS[record["mechanisms"]],
-                ha="center",
-                va="center",
-                fontsize=9,
-                zorder=4.0,
-            )
-
-
-def _draw_key(fig: Figure, limits: LimitTable) -> None:
-    """Explains the lines of the first panel, and the area beyond the limit."""
-    lines = {str(line.get_label()): line for line in fig.axes[0].lines}
-    labels = {name: limits.title(name) for name in limits.mechanisms}
-    protocol = protocol_of(limits.identity["robot"], limits.situations[0])
-    if protocol:
-        labels[protocol.paper] = protocol.paper
-    handles: list[Artist] = [lines[name] for name in labels]
-    # Where no limit is known, as from standing, nothing is drawn of it.
-    if np.size(lines[HIPS_LABEL].get_xdata()):
-        handles += [Patch(facecolor=BEYOND, edgecolor=FAINT), lines[HIPS_LABEL]]
-        labels |= {LIMIT_LABEL: LIMIT_LABEL, HIPS_LABEL: HIPS_LABEL}
-    fig.legend(
-        handles=handles,
-        labels=[*labels.values()],
-        loc="outside right center",
-        fontsize=9.5,
-    )

@@ -179,7 +179,8 @@ def search(
     Raises:
         ValueError: this process has another code or robot than `identity`.
     """
-    for name, value in of_process(sweep.one, sweep.controller).items():
+    present = of_process(sweep.one, sweep.controller, sweep.blocks)
+    for name, value in present.items():
         require(
             identity.get(name, value) == value,
             f"{name} = {value}: must be {identity.get(name)}, as when the "
@@ -218,7 +219,8 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
         yaml_writer.dump(walk),
         sweep.plant,
         sweep.controller,
-        threading.get_ident(),
+        blocks=tuple(sweep.blocks.items()),
+        thread=threading.get_ident(),
     )
     try:
         verdict = _ended(
@@ -242,11 +244,18 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
 
 @functools.lru_cache(MOST_WALKS)
 def _walked(
-    text: str, plant: str, controller: str, thread: int
+    text: str,
+    plant: str,
+    controller: str,
+    blocks: tuple[tuple[str, str], ...],
+    thread: int,
 ) -> tuple[ClosedLoop, Context, Run]:
     """Diagram, Context and Run at the push; threads do not share diagrams."""
     diagram = simulation.closed_loop(
-        yaml_reader.load_typed(Scenario, "walk", data=text), plant, controller
+        yaml_reader.load_typed(Scenario, "walk", data=text),
+        plant,
+        controller,
+        blocks=dict(blocks),
     )
     return diagram, *simulation.walk_to_push(diagram)
 

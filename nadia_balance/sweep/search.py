@@ -14,7 +14,9 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, NamedTuple
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import AT, Scenario
+from nadia_balance.diagrams.simulation import closed_loop
 from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import (
@@ -80,7 +82,9 @@ class Sweep:
     Attributes:
         scenarios: by name, all of one robot.
         plant: humanoid, or lipm.
-        controller: file of a policy in the place of our controller.
+        controller: file of a policy, or `module:Class`, in the place of our
+            controller.
+        blocks: `module:Class` by role, in the place of our blocks.
         directions: each in [0, 360) [deg].
         at: moments of the push, as Moment writes them.
         mechanisms: names of NAMED.
@@ -91,6 +95,7 @@ class Sweep:
     scenarios: dict[str, Scenario]
     plant: str = "humanoid"
     controller: str = ""
+    blocks: dict[str, str] = field(default_factory=dict)
     directions: tuple[float, ...] = (0.0,)
     at: tuple[str, ...] = (AT,)
     mechanisms: tuple[str, ...] = tuple(MECHANISMS)
@@ -147,6 +152,26 @@ class Sweep:
         """
         return next_batch(results, self.search, self.first.get(cell, 0.0))
 
+    def build(self, cell: Cell, replica: int) -> ClosedLoop:
+        """Builds the diagram of a trial, with blocks of its own.
+
+        Args:
+            cell: its conditions.
+            replica: from 0 on.
+
+        Returns:
+            The diagram, whose push is zero.
+
+        Raises:
+            ValueError: a block cannot be made, or does not fit.
+        """
+        return closed_loop(
+            self.walk(cell, replica),
+            self.plant,
+            self.controller,
+            blocks=self.blocks,
+        )
+
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """The scenario of a trial, with a zero push.
 
@@ -195,7 +220,7 @@ class Sweep:
             **asdict(self.search),
             "seed": self.one.seed,
             "parameters": digest(dump(walk).encode() for walk in walks),
-            **of_process(self.one, self.controller),
+            **of_process(self.one, self.controller, self.blocks),
         }
 
 

@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO, cast
@@ -20,6 +20,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from nadia_balance.core.walking.mechanisms import NAMED
 from nadia_balance.core.walking.push import Moment
+from nadia_balance.diagrams.own_blocks import NONE, file_of, names_class
 from nadia_balance.diagrams.scenario import STANDING, Scenario
 from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing, locked
@@ -37,6 +38,7 @@ IDENTITY = (
     "replicas",
     "largest",
 )
+BLOCK = "block "  # before the role, in an identity
 MOST = 100.0  # no push is larger [m/s]
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error")
 
@@ -293,21 +295,40 @@ def _parsed(line: dict[str, str]) -> Row:
     return row
 
 
-def of_process(scenario: Scenario, controller: str = "") -> dict[str, str]:
+def of_process(
+    scenario: Scenario,
+    controller: str = "",
+    blocks: Mapping[str, str] | None = None,
+) -> dict[str, str]:
     """What the rows of this process depend on, besides the sweep's parameters.
 
     Args:
         scenario: one of the sweep.
-        controller: path of a policy, or "".
+        controller: path of a policy, `module:Class`, or "".
+        blocks: `module:Class` by role.
 
     Returns:
-        The versions, and hashes of the robot's files and of the policy.
+        The versions, and hashes of the robot's files, of the policy, and of
+        the files in which the user's classes are.
+
+    Raises:
+        ValueError: there is no such class.
     """
     hashes = {"robot_files": robot_hash(scenario.robot)}
     if controller:
-        policy = Path(controller)
-        hashes["controller"] = f"{policy.name} {digest([policy.read_bytes()])}"
+        hashes["controller"] = _hashed(controller)
+    for role, name in (blocks or {}).items():
+        hashes[f"{BLOCK}{role}"] = _hashed(name)
     return versions(scenario.engine) | hashes
+
+
+def _hashed(name: str) -> str:
+    """The name of a policy's file or of a class, and its file's hash."""
+    if name == NONE:
+        return name
+    if names_class(name):
+        return f"{name} {digest([file_of(name).read_bytes()])}"
+    return f"{Path(name).name} {digest([Path(name).read_bytes()])}"
 
 
 def robot_hash(name: str) -> str:

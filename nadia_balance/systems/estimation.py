@@ -271,7 +271,8 @@ class StateEstimator(Block):
         robot: robot whose state is estimated.
         sensors: place and errors of the sensors.
         period: control period [s].
-        q: positions at the start (nq,), for the pose of the base.
+        q: positions at the start (nq,), for the pose of the base; None: by the
+            first joints, level soles stand about W's origin.
         height: height of the ground [m], if known.
         kind: name of the filter, one of FILTERS.
 
@@ -290,7 +291,7 @@ class StateEstimator(Block):
         robot: RobotModel,
         sensors: SensorParams,
         period: float,
-        q: Array,
+        q: Array | None,
         height: float | None = None,
         kind: str = "invariant",
     ) -> None:
@@ -299,7 +300,7 @@ class StateEstimator(Block):
         self._filter = FILTERS[kind](sensors, period)
         self._height, self._weight = height, robot.mass * GRAVITY
         self._settling = round(SETTLING / period)  # [ticks]
-        self._X_WB = _base_pose(q)  # at the start
+        self._X_WB = None if q is None else _base_pose(q)  # at the start
         self._nj = self._plant.num_velocities() - 6
         self._body, self._X_BodyI = imu_place(self._plant, robot, sensors)
         self._soles = [
@@ -361,7 +362,7 @@ class StateEstimator(Block):
             estimate = self._filter.predict(Estimate(**parts), imu[:6])
         else:
             loaded = np.full(2, self._settling + 1.0)
-            X_WI = self._X_WB @ X_BI
+            X_WI = _above(legs) if self._X_WB is None else self._X_WB @ X_BI
             estimate = self._filter.begin(
                 X_WI.rotation().matrix(), X_WI.translation(), START
             )
@@ -459,6 +460,14 @@ class StateEstimator(Block):
         covariance = T @ estimate.cov @ T.T
         covariance[3:6, 3:6] += self._rate_var * (arm @ arm.T)
         return R, p, w, v, covariance
+
+
+def _above(legs: Legs) -> Any:
+    """X_WI of the IMU if the left sole is level, W's origin between both."""
+    R_WI = legs.R[0].T
+    return RigidTransform(
+        RotationMatrix(R_WI), cast(Any, -R_WI @ legs.p.mean(axis=0))
+    )
 
 
 def _base_pose(q: Any) -> Any:

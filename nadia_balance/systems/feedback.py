@@ -7,11 +7,11 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
 from nadia_balance.core.body.model import PointMassModel
-from nadia_balance.core.feedback.icp_step_qp import (
+from nadia_balance.core.feedback.icp_step_control import (
     IcpStepControl,
-    IcpStepQpParams,
     StepFeedback,
 )
+from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.feedback.momentum_qp import (
     IcpFeedbackQp,
     MomentumQpParams,
@@ -200,7 +200,7 @@ class IcpStepController(Block):
         adjustment = self._calc_adjustment(context) or phase.adjustment
         return CaptureRegions(
             regions=(),
-            reach=phase.reach,
+            reach=phase.support.reach,
             nominal=adjustment.nominal.pose,
             adjusted=adjustment.pose,
         )

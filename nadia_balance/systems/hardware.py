@@ -67,7 +67,7 @@ class JointDrives(Block):
         self._joints = np.concatenate((velocities + 1, self._speeds))
         self._max_torques: Any = plant.GetEffortUpperLimits()
         self._max_speeds = robot.max_joint_speeds[velocities - 6]
-        self._corner_speed = robot.drives.corner_speed
+        self._corner_speed = robot.corner_speeds[velocities - 6]
         # Up to the corner speed the limits are constant.  The margin is large
         # against rounding.
         self._per_corner_speed = np.zeros(plant.num_multibody_states())

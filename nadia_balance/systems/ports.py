@@ -58,6 +58,7 @@ class _Nothing:
         return self
 
 
+#: The value of a signal that has none.
 NOTHING = _Nothing()
 
 

@@ -36,6 +36,7 @@ from nadia_balance.systems.ports import (
     optional_input,
 )
 
+STOOD = 2.0  # a transfer of as many times its last duration is standing [-]
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
 BOUNCE = 0.06  # shortest swing that is measured [s]
 # "Ticks left" of a push that has not begun: before its phase, and within it.
@@ -309,12 +310,12 @@ class ContactClock(Block):
     A foot swings while only the other one has more than LOADED of the weight.
     Between two swings is a transfer to the foot that has landed; if that is off
     the ground again within BOUNCE, it bounces.  A phase lasts as long as
-    the last one of its kind and side; before there was one, the robot stands.
-    Of the `walking_state`, phase, support side, duration, time in the phase and
-    steps are known; both feet are at the origin of W.  The state is [1 in a
-    swing, else 0; side that swings, now or next (+1 left); time in the phase
-    [s]; steps; last durations [s] of right transfer, right swing, left transfer
-    and left swing].
+    the last one of its kind and side; before there was one, and after STOOD of
+    a transfer, the robot stands.  Of the `walking_state`, phase, support side,
+    duration, time in the phase and steps are known; both feet are at the origin
+    of W.  The state is [1 in a swing, else 0; side that swings, now or next (+1
+    left); time in the phase [s]; steps; last durations [s] of right transfer,
+    right swing, left transfer and left swing].
 
     Args:
         weight: weight of the robot [N].
@@ -368,7 +369,7 @@ class ContactClock(Block):
         )
         schedule = self._standing
         duration = lasted[int(side + 1.0 + swings)]
-        if duration:
+        if duration and (swings or time < STOOD * duration):
             schedule = replace(
                 schedule,
                 phase=Phase.SWING if swings else Phase.TRANSFER,

@@ -278,6 +278,7 @@ SIGNALS: dict[str, int | type] = {
     "mechanisms": NUM_SWITCHES,  # see Mechanisms; all on if not connected
     "momentum_qp_status": QpStatus,  # its violation in [m]
     "momentum_rate": 3,  # of the linear momentum [N]
+    "no_foothold": 1,  # 1: no ground in reach is in the capture region
     "push_force": 3,  # sum of all pushes [N]
     "push_signal": PushSignal,
     # Steps not landed, the one in the air too; None: as they are.

@@ -16,6 +16,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
     Landing,
     capture_regions,
     current_adjustment,
+    lacks_ground,
     propose_adjustment,
     touchdown_interval,
     unadjusted,
@@ -53,8 +54,9 @@ class CaptureRegionStepAdjuster(Block):
 
     Nadia paper, Sec. IV and V.  Without `foot_poses` the time that the foot
     needs to a foothold is ignored.  Outside of a swing `adjustment` is the
-    unchanged next foothold, and `capture_regions` are empty.  The block has no
-    state: its memory is the Adjustment in the walking state.
+    unchanged next foothold, and `capture_regions` are empty.  `no_foothold` is
+    1 while the capture region is in reach, but no ground there, else 0.  The
+    block has no state: its memory is the Adjustment in the walking state.
 
     Args:
         params: rules of the adjustment.
@@ -66,7 +68,7 @@ class CaptureRegionStepAdjuster(Block):
         name: CaptureRegionStepAdjuster
         input_ports: [alip_icp, walking_state, time_adjustment, foot_poses,
                       mechanisms]
-        output_ports: [adjustment, capture_regions]
+        output_ports: [adjustment, capture_regions, no_foothold]
     """
 
     def __init__(
@@ -92,6 +94,9 @@ class CaptureRegionStepAdjuster(Block):
         )
         declare_output(
             self, "capture_regions", self._calc_regions, needs=[self._tick]
+        )
+        declare_output(
+            self, "no_foothold", self._calc_no_foothold, needs=[self._tick]
         )
 
     def _calc_tick(self, context: Context, last: _Tick | None) -> _Tick:
@@ -135,6 +140,12 @@ class CaptureRegionStepAdjuster(Block):
         return capture_regions(
             landing, self._adjustment.Eval(context) or current_adjustment(state)
         )
+
+    def _calc_no_foothold(self, context: Context) -> list[float]:
+        _, on, landing = self._tick.Eval(context)
+        if landing is None or not on.step:
+            return [0.0]
+        return [float(lacks_ground(landing))]
 
 
 class SwingFootPlanner(Block):

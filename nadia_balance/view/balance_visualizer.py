@@ -133,7 +133,9 @@ class BalanceVisualizer(LeafSystem):
             path: ChangingPolygon(self._meshcat, path, color, filled)
             for path, (color, filled) in _POLYGONS.items()
         }
-        self._nominal = self._add_outline(f"{REGIONS}/nominal", palette.NOMINAL)
+        self._nominal = self._add_outline(
+            f"{REGIONS}/nominal", palette.NOMINAL, dashed=True
+        )
         self._region_view = Drawing(self._meshcat, REGIONS)
         self._markers = {
             name: add_marker(self._meshcat, f"{ROOT}/{name}", shape, color)
@@ -142,7 +144,9 @@ class BalanceVisualizer(LeafSystem):
         self._middle = Drawing(self._meshcat, MIDDLE)
         self._arrow = add_arrow(self._meshcat, f"{ROOT}/push", palette.PUSH)
 
-    def _add_outline(self, path: str, color: str) -> Drawing:
+    def _add_outline(
+        self, path: str, color: str, dashed: bool = False
+    ) -> Drawing:
         """Adds the outline of a sole."""
         return add_polygon(
             self._meshcat,
@@ -151,6 +155,7 @@ class BalanceVisualizer(LeafSystem):
             palette.rgba(color),
             filled=False,
             outlined=True,
+            dashed=dashed,
         )
 
     def _add_ground(self, ground: Ground | None) -> None:

@@ -41,10 +41,10 @@ class LiveControls(LeafSystem):
 
     `live_push` is [clicks on Push, delta_v [m/s], direction [deg], length [s]];
     0 deg is forward, 90 left, seen from the support foot.  `mechanisms` is 1 or
-    0 for each of Mechanisms; each has a toggle button.  `velocity_command` is
-    forward, left [m/s] and turn [rad/s]: that of the gamepad while one of its
-    sticks is held, else that of the sliders.  The outputs are the discrete
-    state.
+    0 for each of Mechanisms; each has a toggle button, if the controller has
+    them.  `velocity_command` is forward, left [m/s] and turn [rad/s]: that of
+    the gamepad while one of its sticks is held, else that of the sliders.  The
+    outputs are the discrete state.
 
     .. pydrake_system::
 
@@ -59,6 +59,7 @@ class LiveControls(LeafSystem):
         on: Mechanisms,
         limits: Array,
         period: float = 0.02,
+        has_switches: bool = True,
     ):
         """Adds the controls, and begins to stand.
 
@@ -68,9 +69,11 @@ class LiveControls(LeafSystem):
             limits: least and most of a velocity command, (2, 3), see
                 `core.plan.footstep_plan.velocity_limits`.
             period: from one look at the controls to the next [s].
+            has_switches: whether there are buttons of the mechanisms.
         """
         super().__init__()
         self._meshcat = meshcat
+        self._has_switches = has_switches
         self._limits = np.array(limits, dtype=float)
         meshcat.AddButton(PUSH, PUSH_KEY)
         for name, (low, high, step, value) in SLIDERS.items():
@@ -147,6 +150,8 @@ class LiveControls(LeafSystem):
 
     def _show_mechanisms(self, on: Any) -> None:
         """Replaces all toggle buttons, which resets their clicks."""
+        if not self._has_switches:
+            return
         # All are replaced: a single new label would change their order.
         for name in LABELS:
             for label in _label(name, False), _label(name, True):
@@ -176,6 +181,8 @@ class LiveControls(LeafSystem):
                 self._meshcat.SetSliderValue(name, 0.0)
             state.set_value(self._clicks, [before, halts])
         state.set_value(self._command, self.command())
+        if not self._has_switches:
+            return
         on = context.get_discrete_state(self._on).value()
         clicks = [
             self._meshcat.GetButtonClicks(_label(name, is_on))

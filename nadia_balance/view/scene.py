@@ -46,6 +46,13 @@ FRAMES_PER_SECOND = 32.0
 PERIOD = 1.0 / FRAMES_PER_SECOND  # of frames [s]
 ROBOT, GHOST = "/drake/robot", "/drake/ghost"  # as it is, as estimated
 CONTROLS = "live_controls"  # name of the LiveControls system
+
+
+def _linear(color: str) -> list[float]:
+    """Linear red, green and blue, and the opacity 1."""
+    return [*(part**2.2 for part in palette.rgb(color)), 1.0]
+
+
 # Changes of the default scene.  Ambient and fill light are strong because the
 # point lights fade with distance.
 _PROPERTIES: tuple[tuple[str, str, Any], ...] = (
@@ -63,10 +70,34 @@ _PROPERTIES: tuple[tuple[str, str, Any], ...] = (
     ("/Axes", "visible", False),
     ("/Grid", "visible", False),
 )
+# What a dark page changes: path, property, its value by day and by night.
+# Meshcat takes the colour of a mesh as linear, that of the sky as sRGB.
+NIGHT: list[tuple[str, str, list[float], list[float]]] = [
+    *(
+        (
+            "/Background/<object>",
+            name,
+            [*palette.rgb(day)],
+            [*palette.rgb(night)],
+        )
+        for name, day, night in (
+            ("top_color", palette.SKY_TOP, palette.NIGHT_TOP),
+            ("bottom_color", palette.SKY_BOTTOM, palette.NIGHT_BOTTOM),
+        )
+    ),
+    *(
+        (path, "color", _linear(day), _linear(night))
+        for path, day, night in (
+            ("/Floor/plane", palette.FLOOR, palette.NIGHT_FLOOR),
+            ("/Floor/grid", palette.GRID, palette.NIGHT_GRID),
+        )
+    ),
+]
 _CAMERA: Any = [3.3, 1.9, 1.75]  # in W [m]
 _TARGET: Any = [0.25, 0.0, 0.72]  # in W [m]
 _FLOOR, _CELL = 15.0, 0.5  # half size, grid [m]
 LINE = 0.012  # width of outlines and of the grid [m]
+DASH = 0.03  # length of a dash, and of the gap after it [m]
 
 
 def start_meshcat(port: int | None = None) -> tuple[Meshcat, str]:
@@ -303,6 +334,7 @@ def add_polygon(
     color: Rgba,
     filled: bool = True,
     outlined: bool = False,
+    dashed: bool = False,
 ) -> Drawing:
     """Adds a convex polygon.
 
@@ -316,14 +348,18 @@ def add_polygon(
         color: colour and opacity.
         filled: whether it is filled.
         outlined: whether it has an outline.
+        dashed: whether that is of dashes.
 
     Returns:
         The polygon, hidden.
     """
+    if dashed:
+        corners = _with_points_between(corners)
     count = len(corners)
     i = np.arange(count, dtype=np.int32)
-    j = np.roll(i, -1)
     fan = np.stack([0 * i[2:], i[1:-1], i[2:]])
+    i = i[:: 1 + dashed]
+    j = (i + 1) % count
     edges = np.hstack([[i, j, j + count], [i, j + count, i + count]])
     meshcat.SetTriangleMesh(
         path=path,
@@ -335,6 +371,18 @@ def add_polygon(
     if color.a() < 1.0:
         meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)
     return Drawing(meshcat, path)
+
+
+def _with_points_between(corners: Array) -> Array:
+    """Points (k, 3) with the corners (n, 3), DASH apart; k is even."""
+    points = []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = 2 * max(
+            round(0.5 * float(np.linalg.norm(end - start)) / DASH), 1
+        )
+        shares = np.linspace(0.0, 1.0, count, endpoint=False)[:, None]
+        points.append(start + shares * (end - start))
+    return np.concatenate(points)
 
 
 def _inset(corners: Array) -> Array:
@@ -474,6 +522,7 @@ def add_mechanisms(
     push: PushSource,
     meshcat: Meshcat | None,
     limits: Array,
+    has_switches: bool = True,
 ) -> OutputPort:
     """Adds the source of `mechanisms`: constant, or LiveControls.
 
@@ -483,6 +532,7 @@ def add_mechanisms(
         push: source of pushes, in the builder, that LiveControls triggers.
         meshcat: where the controls are, if there are any.
         limits: least and most of a velocity command, (2, 3).
+        has_switches: whether the user can switch the mechanisms.
 
     Returns:
         The port of the mechanisms.
@@ -492,7 +542,7 @@ def add_mechanisms(
             "mechanisms", ConstantVectorSource(cast(Any, on.as_vector()))
         ).get_output_port()
     controls = builder.AddNamedSystem(
-        CONTROLS, LiveControls(meshcat, on, limits)
+        CONTROLS, LiveControls(meshcat, on, limits, has_switches=has_switches)
     )
     connect(builder, controls, push, "live_push")
     return controls.GetOutputPort("mechanisms")

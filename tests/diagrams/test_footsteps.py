@@ -14,6 +14,7 @@ from nadia_balance.diagrams.scenario import Command, Scenario, load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.results.log import icp_error, signal_view, steps
 from nadia_balance.results.measurements import is_square
+from nadia_balance.results.story import telling_lines
 from nadia_balance.results.summary import Run
 from nadia_balance.robot.model import load_robot
 from nadia_balance.systems.signals import MODES
@@ -143,21 +144,45 @@ def test_a_push_in_a_phase_that_never_comes_is_undecided():
     assert summary["reason"].startswith("not pushed: the push did not come")
 
 
-class Slow(LeafSystem):
-    """A source of the user's: 0.1 m/s to the left, for ever."""
+@pytest.fixture
+def plate(tmp_path) -> str:
+    """A scenario on a plate that ends 0.4 m ahead, as text."""
+    path = tmp_path / "plate.yaml"
+    path.write_text(
+        "regions: [{name: plate, vertices: [[0.4, 0.4], [-1.5, 0.4], "
+        "[-1.5, -0.4], [0.4, -0.4]]}]\n"
+    )
+    return f"{{lipm_period: 0.02, terrain: {{name: {path}}}}}"
 
-    def __init__(self):
+
+@pytest.mark.parametrize(("direction", "lines"), [(0.0, 1), (180.0, 0)])
+def test_says_once_that_there_is_no_ground(plate, direction, lines):
+    """Oracle: by hand: 1 m/s takes a step of 0.6 m; backward there is room."""
+    scenario = load_scenario("stand", text=plate)
+    scenario = scenario.with_push(direction=direction, delta_v=1.0)
+    run = simulate(LipmDiagram(scenario))
+    told = "\n".join(telling_lines(run.logs, run.summary))
+    assert told.count("no ground in reach where it has to step") == lines
+    assert run.summary["recovered"] == (not lines)
+
+
+class Sideways(LeafSystem):
+    """A source of the user's: to the left, for ever, ever a little faster."""
+
+    def __init__(self, speed):
         super().__init__()
+        self.speed = speed
         self.DeclareVectorOutputPort("velocity_command", 3, self.calc)
 
     def calc(self, context, output):
-        output.SetFromVector([0.0, 0.1, 0.0])
+        later = 1e-3 * context.get_time()  # a new command in each tick
+        output.SetFromVector([0.0, self.speed + later, 0.0])
 
 
 def test_a_source_of_the_users_is_connected_by_its_name():
     """Oracle: by hand, the middle of the feet after 4 s; names refused."""
     scenario = quick("stand", duration=4.0)
-    sources = {"velocity_command": Slow()}
+    sources = {"velocity_command": Sideways(0.1)}
     run = simulate(LipmDiagram(scenario, sources=sources), 4.0)
     now = signal_view(run.logs, "walking_signal", -1)
     middle = 0.5 * (now.left[1] + now.right[1])
@@ -168,7 +193,24 @@ def test_a_source_of_the_users_is_connected_by_its_name():
         ("revised_footsteps", "must have an output 'revised_footsteps'"),
     ):
         with pytest.raises(ValueError, match=message):
-            LipmDiagram(scenario, sources={name: Slow()}, footstep_planner=None)
+            LipmDiagram(
+                scenario, sources={name: Sideways(0.1)}, footstep_planner=None
+            )
+
+
+def test_a_source_that_is_too_fast_is_told_once():
+    """Oracle: the way of a source at the limit of left; the words, by hand."""
+    scenario = quick("stand", duration=4.0)
+    limit = LipmDiagram(scenario).velocity_limits[1, 1]
+    places = []
+    for speed in 9.0, limit:
+        sources = {"velocity_command": Sideways(speed)}
+        run = simulate(LipmDiagram(scenario, sources=sources), 4.0)
+        places.append(signal_view(run.logs, "walking_signal", -1).left[1])
+        told = "\n".join(telling_lines(run.logs, run.summary))
+        words = f"{limit:.2f} of {speed:.2f} m/s left is taken"
+        assert told.count("more than it can walk") == told.count(words) == 1
+    assert places[0] == pytest.approx(places[1], abs=1e-3)
 
 
 def test_the_whole_robot_catches_itself_and_stands():

@@ -192,6 +192,21 @@ def test_a_fall_says_why_and_begins_anew(session):
     assert session.status()[-2].startswith("ICP error")  # no push any more
 
 
+def test_tells_that_there_is_no_ground_where_it_has_to_step(tmp_path):
+    """Oracle: a plate of the two soles, with 10 cm around; once in a push."""
+    (tmp_path / "plate.yaml").write_text(
+        "regions: [{name: plate, vertices: [[0.25, 0.35], [-0.25, 0.35], "
+        "[-0.25, -0.35], [0.25, -0.35]]}]\n"
+    )
+    terrain = f"terrain: {{name: {tmp_path / 'plate.yaml'}}}"
+    session = Session(f"{{lipm_period: 0.02, {terrain}}}")
+    session.push(1.0, 0.0)
+    session.ticks(100)
+    told = [line.partition("  ")[2] for line in session.told]
+    assert told[1] == "no ground in reach where it has to step"
+    assert told[2].startswith("FELL: ")
+
+
 def test_an_error_ends_in_a_fall_that_tells_it(session, monkeypatch):
     """Oracle: the words of the error; the session goes on."""
 

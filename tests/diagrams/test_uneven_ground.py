@@ -14,8 +14,15 @@ regions:
 - {name: up, height: 0.18, vertices: [[0.6, 1], [0.3, 1], [0.3, -1], [0.6, -1]]}
 - {name: far, vertices: [[2, 1], [0.6, 1], [0.6, -1], [2, -1]]}
 """
-FOOTHOLDS = """footholds: [{side: right, x: 0.15, y: -0.125},
-    {x: 0.45, y: 0.125}, {side: right, x: 0.76, y: -0.125}]"""
+FOOTHOLDS = {  # of the first three steps; one on each row of the pile
+    name: f"gait: {{footholds: [{{side: right, x: {one}, y: -0.125}}, "
+    f"{{x: {two}, y: 0.125}}, {{side: right, x: {three}, y: -0.125}}]}}"
+    for name, (one, two, three) in {
+        "stairs": (0.15, 0.45, 0.76),
+        "cinder_blocks": (0.51, 0.92, 1.33),
+        "tilted_blocks": (0.13, 0.13, 0.51),
+    }.items()
+}
 
 
 @pytest.fixture(scope="module")
@@ -45,17 +52,26 @@ def soles_at(robot, log, time):
 
 @pytest.mark.parametrize(
     ("name", "duration", "top"),
-    [("stairs", 5.0, 0.18), ("tilted_blocks", 4.3, 0.15)],
-    ids=["18 cm up and down", "15 degrees"],
+    [
+        ("stairs", 5.0, 0.18),
+        ("cinder_blocks", 4.3, 0.45),
+        ("tilted_blocks", 4.3, 0.15),
+    ],
+    ids=["18 cm up and down", "to the top of Fig. 11", "15 degrees"],
 )
 def test_soles_stand_on_the_planes_of_their_regions(
     tmp_path, robot, name, duration, top
 ):
-    """Oracle: heights and normals of the regions, 0.2 s after landing."""
+    """Oracle: heights and normals of the regions, 0.2 s after landing.
+
+    The pile of Fig. 11 is climbed with ICP feedback alone, as in the paper.
+    """
     (tmp_path / "stile.yaml").write_text(STILE)
-    stile = f"terrain: {{name: {tmp_path}/stile.yaml}}"
-    text = f"{{gait: {{{FOOTHOLDS}}}, {stile}}}" if name == "stairs" else "{}"
+    stile = f"terrain: {{name: {tmp_path}/stile.yaml}}, "
+    text = f"{{{stile if name == 'stairs' else ''}{FOOTHOLDS[name]}}}"
     scenario = soon(load_scenario(name, text=text, duration=duration))
+    alone = scenario.mechanisms == "icp_only"
+    assert alone == (name == "cinder_blocks")
     log = walked(scenario)
     ground, heights = scenario.terrain.ground(robot.sole), []
     assert len(steps(log)) == 3

@@ -9,6 +9,7 @@ from pydrake.geometry import Rgba, Sphere
 from pydrake.math import RigidTransform
 
 import picture
+from nadia_balance.palette import PUSH
 from nadia_balance.results.pages import start_recording, write_replay
 from nadia_balance.view.balance_visualizer import MIDDLE
 from nadia_balance.view.scene import start_meshcat
@@ -97,13 +98,37 @@ def test_shows_the_moments_side_by_side(draw, runs, tmp_path):
 
 
 def test_a_gif_begins_again(draw, runs):
-    """Oracle: an eighth of a second for each frame, in hundredths."""
+    """Oracle: an eighth of a second for each frame, in hundredths; 3 s at last.
+
+    All frames have the colours of one palette.
+    """
     run = runs / "pushed"
     outcome, _ = draw("--run", run, "--gif", "--times", 0, 1, *SIZE)
     assert outcome.code == 0, outcome.err
     with Image.open(run / "picture.gif") as gif:
         assert (gif.size, gif.n_frames) == ((200, 300), 2)
-        assert (gif.info["loop"], gif.info["duration"]) == (0, 120)
+        assert gif.info["loop"] == 0
+        colors, durations = set(), []
+        for frame in range(2):
+            gif.seek(frame)
+            durations.append(gif.info["duration"])
+            pixels = np.asarray(gif.convert("RGB")).reshape(-1, 3)
+            colors |= {*map(tuple, pixels.tolist())}
+    assert durations == [120, 3000]
+    assert 50 < len(colors) <= 256
+
+
+def test_the_palette_keeps_what_is_rare():
+    """Oracle: a gradient with four orange pixels; the push is in no frame."""
+    grey = np.linspace(0, 255, 90_000).astype(np.uint8).reshape(300, 300)
+    pixels = np.dstack([grey, grey, grey])
+    pixels[:2, :8] = orange = 240, 120, 20
+    palette = picture._palette([Image.fromarray(pixels)])
+    colors = np.array(palette.getpalette()).reshape(-1, 3)
+    assert len(colors) <= 256
+    push = np.array([*bytes.fromhex(PUSH[1:])])
+    for color, most in (push, 0), (orange, 8), ((128, 128, 128), 4):
+        assert np.abs(colors - color).max(axis=1).min() <= most
 
 
 def test_the_moments_are_those_of_a_push_and_what_came_of_it(runs):
@@ -114,9 +139,9 @@ def test_the_moments_are_those_of_a_push_and_what_came_of_it(runs):
     assert picture.moments(run) == pytest.approx([2.076, 2.2, 2.74], abs=2e-3)
     times = picture.moments(run, gif=True)
     assert times[0] == pytest.approx(1.976 - 0.4, abs=2e-3)
-    assert np.diff(times) == pytest.approx(0.125)
-    end = 2.076 + 4.0
-    assert end - 0.2 < times[-1] < end + 1e-6  # the sum of 36 periods
+    assert np.diff(times) == pytest.approx(0.0625)
+    end = 2.076 + 2.4
+    assert end - 0.1 < times[-1] < end + 1e-6  # the sum of 46 periods
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,10 @@ LEFT, RIGHT = 1.0, -1.0
 
 @dataclass
 class Biped:
-    """Its figures, of a robot that stands upright with straight legs [m]."""
+    """Its figures [m], of a robot that stands upright with straight legs.
+
+    But for its knees, which the file may show bent.
+    """
 
     hip: float = 0.13  # lateral, from the middle
     thigh: float = 0.4
@@ -35,6 +38,10 @@ class Biped:
     toe_half_width: float = 0.06
     ankle_roll: float = 0.5  # either way [rad]
     knee_sign: float = 1.0
+    knee_range: tuple[float, float] = (0.0, 2.3)  # from straight [rad]
+    drawn_bend: float = 0.0  # of the knee at angle 0 [rad]
+    foot_ahead: float = 0.03  # its centre of mass, of the ankle
+    hip_slant: float = 0.0  # of the pitch axis, up at its outer end [rad]
     # Rows: forward, left, up in the base's axes; None: as they should be.
     base_axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     turned: bool = True  # the frames of the links
@@ -94,18 +101,27 @@ class Biped:
 
     def _leg(self, side: float, n: str) -> None:
         down = (0.0, 0.0, 0.0)
-        below = (0.0, 0.0, -self.thigh), (0.0, 0.0, -self.shin)
-        middle = (0, 0, -0.5 * self.thigh), (0, 0, -0.5 * self.shin)
-        bent = (0.0, 2.3) if self.knee_sign > 0.0 else (-2.3, 0.0)
+        drawn, slant = self.drawn_bend, self.hip_slant
+        below = np.array(
+            [
+                (0.0, 0.0, -self.thigh),
+                (-self.shin * np.sin(drawn), 0.0, -self.shin * np.cos(drawn)),
+            ]
+        )
+        middle = 0.5 * below
+        bent = sorted(self.knee_sign * (e - drawn) for e in self.knee_range)
         bend, roll = self.knee_sign * Y, (-self.ankle_roll, self.ankle_roll)
+        pitch = np.cos(slant) * Y + side * np.sin(slant) * Z
+        bow = (-1.0 + drawn, 0.7 + drawn)
+        foot = (self.foot_ahead, 0.0, -0.06)
         holder = "pelvis"
         for link, mass, com, radius, joint, at, axis, limits in (
             ("1", 1.0, down, 0.03, "yaw", (0, self.hip * side, 0), Z, None),
             ("2", 1.0, down, 0.03, "roll", down, X, (-0.6, 0.6)),
-            ("thigh", 6.0, middle[0], 0.06, "hip", down, Y, (-2.0, 1.0)),
+            ("thigh", 6.0, middle[0], 0.06, "hip", down, pitch, (-2.0, 1.0)),
             ("shin", 4.0, middle[1], 0.05, "knee", below[0], bend, bent),
-            ("5", 0.3, down, 0.02, "ankle", below[1], Y, (-1.0, 0.7)),
-            ("foot", 1.5, (0.03, 0, -0.06), 0.0, "tilt", down, X, roll),
+            ("5", 0.3, down, 0.02, "ankle", below[1], Y, bow),
+            ("foot", 1.5, foot, 0.0, "tilt", down, X, roll),
             ("sole", 0.0, down, 0.0, "sole_frame", (0, 0, -0.1), None, None),
         ):
             name = f"{n}_{link}"

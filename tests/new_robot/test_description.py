@@ -195,6 +195,20 @@ def test_heavy_arms_are_not_taken_for_legs(tmp_path):
     assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
 
 
+def test_strong_arms_are_not_taken_for_legs(tmp_path):
+    """Oracle: the names; 50,000 N m stand for limits that nobody knows."""
+    arms = leg("a", 0.3) + leg("b", -0.3)
+    motors = "".join(
+        f'<motor joint="{n}_{name}" ctrllimited="true" ctrlrange="-5e4 5e4"/>'
+        for n in "ab"
+        for name in LEG
+    )
+    text = MJCF.replace("<actuator>", f"<actuator>{motors}")
+    chest = '<geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2" mass="20"/>'
+    guessed = made(text.replace(chest, chest + arms), tmp_path).of("guessed")
+    assert guessed[0] == "pelvis pelvis, torso chest, feet l_tilt, r_tilt"
+
+
 def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
     """Oracle: the robot that floats in the file."""
     found = []
@@ -204,6 +218,23 @@ def test_a_robot_that_is_welded_to_the_world_is_let_go(tmp_path):
         found.append((tmp_path / name / "robot.yaml").read_text())
     assert found[0] == found[1]
     assert "no longer welded to the world: pelvis" in notes.of("changed")
+
+
+def test_says_what_hangs_elsewhere_in_the_world(tmp_path):
+    """Oracle: a motor on a stand, 20 m up; the robot of the file without it."""
+    stand = (
+        '<body name="stand" pos="0 0 20"><joint name="dummy" range="-1 1"/>'
+        '<geom type="sphere" size="0.1"/></body></worldbody>'
+    )
+    motor = '<actuator><motor joint="dummy"/>'
+    with_motor = MJCF.replace("</worldbody>", stand)
+    with_motor = with_motor.replace("<actuator>", motor)
+    written = []
+    for name, text in ("alone", MJCF), ("both", with_motor):
+        notes = made(text, tmp_path, name)
+        written.append((tmp_path / name / "robot.urdf").read_text())
+    assert written[0] == written[1]
+    assert "left out, not joined to the robot: stand" in notes.of("changed")
 
 
 @pytest.mark.parametrize(

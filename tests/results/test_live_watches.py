@@ -11,6 +11,7 @@ from nadia_balance.results.live_watches import (
     REMEMBERED,
     FallWatch,
     VelocityWatch,
+    clipped_words,
     velocity_lines,
 )
 
@@ -45,6 +46,7 @@ def test_a_foothold_that_captures_is_no_reason():
     looks = [(swing(0.3, 0.5), 0.04), (LANDED, 0.31), (None, 0.2)]
     assert reason_after(looks) == "ICP error 0.31 m"
     assert FallWatch().reason() == ""
+    assert reason_after([(None, None)]) == ""  # a policy has no ICP
 
 
 def test_says_by_how_much_the_foot_that_landed_has_missed():
@@ -124,3 +126,19 @@ def test_tells_forward_always_and_what_else_is_commanded():
         "left: commanded -0.10, walks -0.08 m/s",
         "turn: commanded 0.20, walks 0.20 rad/s",
     ]
+
+
+def test_says_what_is_taken_of_a_command_that_is_too_fast():
+    """Oracle: by hand; nothing of one within the limits, or at them."""
+    limits = np.array([[-0.5, -0.3, -0.8], [0.85, 0.3, 0.8]])
+    words = "more than it can walk: "
+    for command, said in (
+        ((0.85, -0.3, 0.0), ""),
+        ((0.9, 0.0, 0.1), f"{words}0.85 of 0.90 m/s forward is taken"),
+        (
+            (-0.6, 0.1, 1.0),
+            f"{words}-0.50 of -0.60 m/s forward, 0.80 of 1.00 rad/s turn is "
+            "taken",
+        ),
+    ):
+        assert clipped_words(np.array(command), limits) == said

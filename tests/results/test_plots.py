@@ -6,7 +6,7 @@ import pytest
 from nadia_balance.core.walking.state import Side
 from nadia_balance.results.log import contacts, pushes
 from nadia_balance.results.plots import footsteps
-from nadia_balance.results.plots.time_series import draw_contacts
+from nadia_balance.results.plots.time_series import draw_contacts, draw_effort
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
 
@@ -61,6 +61,57 @@ def test_measured_contacts_are_those_of_the_forces(log):
     assert (start, duration) == pytest.approx((1.0, 1.002))
     ((start, duration),) = contacts(log, Side.LEFT)
     assert (start, duration) == pytest.approx((0.0, log["t"][-1]))
+
+
+@pytest.mark.parametrize(
+    ("joint", "group"),
+    [
+        ("waist_roll_joint", "waist"),  # the G1's
+        ("back_bkx", "waist"),  # Atlas'
+        ("SPINE_Z", "waist"),
+        ("torso_joint", "waist"),
+        ("left_hip_yaw_joint", "hips"),
+        ("l_leg_kny", "knees"),
+        ("RIGHT_ANKLE_X", "ankles"),
+        ("left_wrist_yaw_joint", "arms"),
+    ],
+)
+def test_the_effort_is_that_of_groups_up_to_its_limits(log, joint, group):
+    """Oracle: by hand, one joint that is at 80 % of its speed limit."""
+    names = np.full(len(log["actuator_names"]), "HIP_" * 5)
+    names[3] = joint
+    speed = np.zeros_like(log["state"])
+    speed[:, log["joint_speed_columns"][3]] = -16.0
+    changed = {**log, "actuator_names": names, "state": speed}
+    _, axes, _ = draw_effort(changed, summary_of(log)).axes
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    assert lines[group] == pytest.approx(80.0)
+    assert lines["limit"] == pytest.approx(100.0)
+    assert axes.get_ylabel() == "speed [% of limit]"
+
+
+def test_footsteps_show_the_last_capture_regions_of_the_largest_move(log):
+    """Oracle: by hand; step 3 is moved most, and lands at 2.77 s.
+
+    What is of another step, or older, is not drawn.
+    """
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    rows = [
+        [time, n, *(size * corner)]
+        for time, sizes in ((2.2, (7, 8)), (2.7, (5, 6)), (2.75, (2, 3)))
+        for n, size in zip((1, 3), sizes, strict=True)
+        for corner in square
+    ]
+    log = {**log, "capture_regions": np.array(rows)}
+    (ax,) = footsteps.draw(log, summary_of(log)).axes
+    drawn = {
+        patch.get_label().split(" of")[0]: patch.get_xy()[:4]
+        for patch in ax.patches
+        if (patch.get_label() or "").startswith("C$_")
+    }
+    assert [*drawn] == ["C$_3$", "C$_1$"]
+    assert drawn["C$_1$"] == pytest.approx(2.0 * square)
+    assert drawn["C$_3$"] == pytest.approx(3.0 * square)
 
 
 def test_footsteps_are_drawn_from_the_push_until_both_feet_are_back(log):

@@ -92,8 +92,8 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
 def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
     """Oracle: by hand: torque over weight is the lever, from the ankle."""
     weak = shutil.copytree(MODELS / "nadia", tmp_path / "weak") / "robot.yaml"
-    change(weak, "LEFT_ANKLE_X: 184", "LEFT_ANKLE_X: 20")
-    change(weak, "RIGHT_ANKLE_Y: 377", "RIGHT_ANKLE_Y: 120")
+    change(weak, "max_torque: 184", "max_torque: 20")
+    change(weak, "max_torque: 377", "max_torque: 120")
     robot = load_robot(str(weak))
     plant, context = standing(robot)
     ankle = plant.GetBodyByName("RIGHT_ANKLE_LINK")

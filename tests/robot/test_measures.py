@@ -2,6 +2,7 @@
 
 import math
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +11,21 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
+from scipy.optimize import brentq
 
-from nadia_balance.robot.model import MODELS, load_robot_params
+from nadia_balance.core.body.com_height import ComHeight, ComHeightParams
+from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.robot.model import (
+    MODELS,
+    load_robot,
+    load_robot_params,
+    robot_names,
+)
 from nadia_balance.robot.params import RobotParams
+from nadia_balance.robot.plants import is_pitch, joints_above
 from nadia_balance.robot.urdf import with_lengths
 from tests.boxes import register
+from tests.example_walks import FEET, swing
 from tests.robot.test_model import change
 
 
@@ -34,6 +45,58 @@ def test_given_lengths_stay_and_the_rest_is_measured(tmp_path):
     assert (params.sole.half_width, params.sole.z) == (0.06, -0.1)
     assert (params.legs.length, params.legs.ankle_height) == (0.7, 0.11)
     assert params.com_height == pytest.approx(nadia.com_height + 0.012)
+
+
+def bone(context, hip, ankle):
+    """The hip pitch axis as seen from the ankle's, [forward, up] [m]."""
+    p_WH, p_WA = (
+        joint.frame_on_child().CalcPoseInWorld(context).translation()
+        for joint in (hip, ankle)
+    )
+    return (p_WH - p_WA)[[0, 2]]
+
+
+def swung_apart(robot, lean, length):
+    """Its plant and context: legs of this `length` that `lean` by +-[rad]."""
+    plant = robot.control_plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, robot.standing_positions())
+    for side, foot in robot.foot_bodies.items():
+        above = [j for j in joints_above(plant, foot) if is_pitch(j, context)]
+        ankle, knee, hip = above
+
+        def excess(bend, knee=knee, ends=(hip, ankle)):
+            knee.set_angle(context, bend)
+            return math.hypot(*bone(context, *ends)) - length
+
+        knee.set_angle(context, brentq(excess, 0.15, 1.5))
+        turn = side.sign * lean - math.atan2(*bone(context, hip, ankle))
+        hip.set_angle(context, hip.get_angle(context) + turn)
+        level = -hip.get_angle(context) - knee.get_angle(context)
+        ankle.set_angle(context, level)
+    return plant, context
+
+
+@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("lean", [0.3, -0.3])
+def test_a_stretched_leg_lets_the_com_be_as_high_as_it_is(name, lean):
+    """Oracle: the kinematics of the plant, its knees bent to that length.
+
+    8 mm, by which the CoM rises in the robot as the legs swing apart.
+    """
+    robot = load_robot(name)
+    model, params = robot.point_mass, ComHeightParams()
+    longest = params.max_stretch * model.legs.length
+    plant, context = swung_apart(robot, lean, longest)
+    X_WF = plant.GetBodyByName(robot.foot_bodies[Side.LEFT]).EvalPoseInWorld(
+        context
+    )
+    p_WS = X_WF @ robot.X_FootSole[Side.LEFT].translation()
+    x, _, z = plant.CalcCenterOfMassPositionInWorld(context) - p_WS
+    going = replace(swing(), feet=FEET.with_foot(Side.LEFT, FootPose()))
+    com = np.array([x, -0.5 * model.legs.hip_width])
+    limit = ComHeight(params, model).stance_limit(com, np.zeros(2), going)
+    assert limit[0] == pytest.approx(z, abs=8e-3)
 
 
 CORNERS = np.array([[-0.05, -0.04], [0.15, -0.04], [0.15, 0.04], [-0.05, 0.04]])

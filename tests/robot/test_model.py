@@ -73,12 +73,12 @@ def change(path, old: str, new: str) -> None:
 def test_a_robot_of_the_package_that_has_changed_is_read(copy, monkeypatch):
     """Oracle: its files; who changes what was read changes nothing else."""
     monkeypatch.setattr(model, "MODELS", copy.parent)
-    for old, new in ("Y: 377", "Y: 370"), ("Y: 370", "Y: 360"):
+    for old, new in (377, 370), (370, 360):
         params, _ = model.load_robot_params("own")
-        assert f"Y: {params.drives.max_torque['LEFT_ANKLE_Y']:.0f}" == old
-        params.drives.max_torque.clear()
-        assert model.load_robot_params("own")[0].drives.max_torque
-        change(copy / "robot.yaml", f"LEFT_ANKLE_{old}", f"LEFT_ANKLE_{new}")
+        assert params.drives.motors["ankle_y"].max_torque == old
+        params.drives.motors.clear()
+        assert model.load_robot_params("own")[0].drives.motors
+        change(copy / "robot.yaml", f"max_torque: {old}", f"max_torque: {new}")
 
 
 @pytest.mark.parametrize("strength", [0.99, 1.01])
@@ -95,8 +95,8 @@ def test_refuses_ankles_too_weak_to_stand(copy, strength):
         p_LC = link.CalcCenterOfMassInBodyFrame(context)
         com = link.EvalPoseInWorld(context) @ p_LC
         needed -= link.get_mass(context) * 9.81 * (com[0] - ankle)
-    weak = f"LEFT_ANKLE_Y: {strength * needed}"
-    change(copy / "robot.yaml", "LEFT_ANKLE_Y: 377", weak)
+    weak = f"max_torque: {strength * needed}"
+    change(copy / "robot.yaml", "max_torque: 377", weak)
     may_raise = contextlib.nullcontext()
     if strength < 1.0:
         message = "LEFT_ANKLE_Y = 2.*for the robot to"
@@ -135,9 +135,10 @@ def effort_limits(robot):
 
 def test_torque_limits_are_those_of_the_robot_yaml(copy):
     """Oracle: robot.yaml; all other limits are as before.  Ideal has none."""
-    change(copy / "robot.yaml", "LEFT_HIP_X: 270", "LEFT_HIP_X: 251.5")
+    change(copy / "robot.yaml", "max_torque: 270", "max_torque: 251.5")
     limits = effort_limits(load(copy))
-    assert limits == effort_limits(ROBOT) | {"LEFT_HIP_X": 251.5}
+    both = {"LEFT_HIP_X": 251.5, "RIGHT_HIP_X": 251.5}
+    assert limits == effort_limits(ROBOT) | both
     ideal = effort_limits(load_robot("nadia", "ideal"))
     assert {limit for name, limit in ideal.items() if "HIP" in name} == {1e3}
 
@@ -183,7 +184,8 @@ def of_urdf(old, new, named):
         of_yaml("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),
         of_yaml("foot_body: RIGHT", "foot_body: LEFT", "left_foot_body"),
         of_yaml("{LEFT_KNEE_Y: 0.1", "{KNEE: 0.1", "joint_lower_limits.KNEE"),
-        of_yaml("LEFT_HIP_X: 270", "HIP: 270", "drives.max_torque.HIP: must"),
+        of_yaml("[LEFT_HIP_X", "[HIP", "motors.hip_x.joints = HIP: must"),
+        of_yaml("[LEFT_HIP_X", "[LEFT_HIP_Y", "hip_y.joints = LEFT_HIP_Y: m"),
         of_yaml("KNEE_Y: 0.552", "KNEE_Y: -0.5", "posture.LEFT_KNEE_Y"),
         of_urdf("</robot>", "", "no element found"),
         of_urdf("</robot>", "<link/></robot>", "name"),

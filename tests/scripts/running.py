@@ -61,8 +61,8 @@ def python(*argv, **options) -> subprocess.Popen:
 
 
 def ended(process: subprocess.Popen) -> Outcome:
-    """Waits for the end of a program."""
-    out, err = process.communicate()
+    """Waits for the end of a program, at the most for five minutes."""
+    out, err = process.communicate(timeout=300.0)
     out = (out or "").splitlines()  # it may go elsewhere
     return Outcome(process.returncode, out, err.splitlines())
 

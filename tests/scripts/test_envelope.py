@@ -31,7 +31,10 @@ SWEEP = [
     *("--resolution", "0.2"),
     *("--stride", "2", "--replicas", "2", "--directions", "0,90"),
 ]
-WRITTEN = {"trials.csv", "limits.csv", "tables.md", "envelope.png"}
+WRITTEN = {
+    *("trials.csv", "limits.csv", "tables.md"),
+    *("envelope.png", "envelope.svg"),
+}
 FILES = {*WRITTEN, "scenario.yaml", "command.txt"}
 
 

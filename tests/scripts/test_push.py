@@ -19,7 +19,7 @@ def asked_for(monkeypatch, capsys):
     """Returns the scenario that a command line would simulate."""
     seen = []
 
-    def look(scenario, *_):
+    def look(scenario, *_, **__):
         seen.append(scenario)
         raise ValueError("looked at")
 

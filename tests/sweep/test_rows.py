@@ -15,7 +15,7 @@ from tests.sweep.made_up import identity_of, made_up_rows, papers
 SEARCH = SearchParams(resolution=0.1, stride=2, replicas=2)
 IDENTITY = identity_of(SEARCH)
 RESULTS = ROOT / "docs" / "results"
-ART = ".gif", ".ipynb", ".png"
+ART = ".gif", ".ipynb", ".png", ".svg"
 ROWS = made_up_rows(papers(), SEARCH)[:60]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nadia_balance.core.body.com_height import ComHeightParams
-from nadia_balance.core.walking.state import FootPose, Side
+from nadia_balance.core.walking.state import FootPose, FootPoses, Side
 from nadia_balance.systems.feedback import ComHeightController
 from tests.blocks import answer, asked
 from tests.example_walks import MODEL
@@ -17,12 +17,12 @@ COM, ECMP = np.array([0.01, 0.1]), np.array([0.05, -0.02])
 VELOCITY = np.array([0.2, 0.5])
 
 
-def rate(state, params=PARAMS):
-    """The momentum rate of a level motion at the height of the model."""
+def rate(state, params=PARAMS, height=MODEL.com_height):
+    """The momentum rate of a level motion at this height in W [m]."""
     system = ComHeightController(params, MODEL, 0.004)
     context = asked(
         system,
-        com_state=[*COM, MODEL.com_height, *VELOCITY, 0.0],
+        com_state=[*COM, height, *VELOCITY, 0.0],
         ecmp_command=[0.3, 0.4, *ECMP],
         walking_state=state,
     )
@@ -53,3 +53,29 @@ def test_sinks_in_a_swing_as_the_icp_runs_away():
     change = rate(SWING) - rate(SWING, still)
     assert change == pytest.approx([0.0, 0.0, -MODEL.mass * sinking])
     assert rate(TRANSFER).tolist() == rate(TRANSFER, still).tolist()
+
+
+@pytest.mark.parametrize("share", [0.79, 0.81])
+def test_a_swing_is_the_same_on_raised_ground(share):
+    """Oracle: symmetry; the CoM is below, and above, its least height.
+
+    Below 0.8 of the nominal height it does not sink: it is pulled up by as much
+    as it may be.
+    """
+    schedule, up = SWING.schedule, 0.3
+
+    def raised(pose):
+        return replace(pose, p_WF=pose.p_WF + [0.0, 0.0, up])
+
+    feet = FootPoses(*(raised(schedule.feet[side]) for side in Side))
+    steps = tuple(
+        replace(step, pose=raised(step.pose)) for step in schedule.footsteps
+    )
+    state = replace(
+        SWING, schedule=replace(schedule, feet=feet, footsteps=steps)
+    )
+    height = share * MODEL.com_height
+    expected = rate(SWING, height=height)
+    assert rate(state, height=height + up) == pytest.approx(expected)
+    sinks = expected[2] < 0.99 * MODEL.mass * PARAMS.max_acceleration
+    assert sinks == (share > 0.8)

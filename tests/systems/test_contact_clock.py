@@ -54,6 +54,31 @@ def test_knows_a_phase_when_it_comes_again():
         at += ticks
 
 
+@pytest.mark.parametrize("ticks", [1, 5])
+def test_the_next_foot_may_be_lifted_at_once(ticks):
+    """Oracle: ticks counted by hand: transfers of 10 and of 50 ms.
+
+    Only the foot that has landed bounces within that time.
+    """
+    stride = [LEFT] * 40 + [BOTH] * ticks + [RIGHT] * 50 + [BOTH] * 20
+    walking_states = states([BOTH] * 70 + 3 * stride)
+    landed = 70 + 2 * len(stride) + 40
+    for k in range(ticks + 50):
+        state = walking_states[landed + k]
+        phase = Phase.TRANSFER if k < ticks else Phase.SWING
+        assert state.schedule.phase is phase
+        assert state.schedule.support_side is Side.RIGHT
+        assert state.steps_taken == 5
+
+
+def test_a_transfer_that_does_not_end_is_standing():
+    """Oracle: twice the 0.1 s that the last one of this side took."""
+    stride = [LEFT] * 40 + [BOTH] * 10 + [RIGHT] * 50 + [BOTH] * 20
+    walking_states = states([*stride, *stride[:40], *[BOTH] * 30])
+    phases = [state.schedule.phase for state in walking_states[-30:]]
+    assert phases == [Phase.TRANSFER] * 20 + [Phase.STANDING] * 10
+
+
 def test_means_by_25_percent_what_the_walking_state_machine_means():
     """Oracle: the schedule, to a third of a tenth of a swing: 25 ms.
 

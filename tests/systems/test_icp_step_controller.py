@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nadia_balance.core.feedback import icp_step_qp
+from nadia_balance.core.feedback import icp_step_control, icp_step_qp
 from nadia_balance.core.plan import atlas_icp_plan
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import WalkingState
@@ -35,7 +35,7 @@ def inputs(state=IN_AIR, icp=OUT):
 
 
 def expected_of(state, icp=OUT):
-    control = icp_step_qp.IcpStepControl(PARAMS, MODEL)
+    control = icp_step_control.IcpStepControl(PARAMS, MODEL)
     return control.feedback(state, control.phase(state), plan_of(state), icp)
 
 

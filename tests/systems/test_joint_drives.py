@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
+from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.systems.hardware import JointDrives
 from tests.blocks import answer, fix, running
@@ -36,6 +37,28 @@ def test_what_drives_a_joint_fades_with_its_speed(speed, share, sign):
     assert reached == pytest.approx(sign * drives)
     reached = torques(-2.0 * sign * LIMITS, state)
     assert reached == pytest.approx(-sign * LIMITS)
+
+
+@pytest.mark.parametrize("speed", [-18.6, 0.02, 18.6])
+def test_a_motor_has_a_line_of_its_own(speed):
+    """Oracle: Unitree's table of the G1's knee, by hand; others as the URDF."""
+    robot = load_robot("g1")
+    plant, _ = robot.add_plant_to(DiagramBuilder())
+    system, limits = JointDrives(plant, robot), plant.GetEffortUpperLimits()
+    knee = plant.GetJointActuatorByName("left_knee_joint")
+    at = knee.input_start()
+    state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    state[plant.num_positions() + knee.joint().velocity_start()] = speed
+    simulator, context = running(
+        system, actuation=np.sign(speed) * limits, state=state
+    )
+    simulator.AdvanceTo(0.1)
+    # 0.639 * 22.7 = 14.5 rad/s; half-way to 22.7 there is half of 111 N m.
+    motor = 55.5 if abs(speed) > 14.5 else 111.0
+    torques = answer(system, context, "torques")
+    assert abs(torques[at]) == pytest.approx(motor, rel=2e-3)
+    ankle = plant.GetActuatorNames().index("g1_left_ankle_roll_joint")
+    assert abs(torques[ankle]) == pytest.approx(35.0)
 
 
 def test_a_command_that_is_held_is_read_once_in_a_period():

@@ -209,3 +209,30 @@ def test_a_filter_that_is_wrong_of_itself_is_lost():
     assert lost_at(log) == pytest.approx(1.2)
     told[t >= 1.15] = state[t >= 1.15]
     assert lost_at(log) is None
+
+
+def test_begins_by_its_joints_where_level_soles_stand():
+    """Oracle: the pose of the soles in Drake's plant, in another posture."""
+    robot = nadia()
+    plant = robot.control_plant()
+    context = plant.CreateDefaultContext()
+    q = robot.standing_positions(0.3)
+    q[7:] += np.random.default_rng(2).uniform(-0.1, 0.1, len(q) - 7)
+    joints = np.concatenate((q[7:], np.zeros(len(q) - 7)))
+    block = StateEstimator(robot, SensorParams(), PERIOD, None)
+    imu = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0])
+    half = 0.5 * robot.mass * 9.81
+    estimate = answer(
+        block,
+        asked(block, imu=imu, joints=joints, foot_forces=[half, half]),
+        "estimated_state",
+    )
+    plant.SetPositions(context, estimate[: len(q)])
+    left, right = (
+        plant.GetFrameByName(name).CalcPoseInWorld(context)
+        @ robot.X_FootSole[side]
+        for side, name in robot.foot_bodies.items()
+    )
+    assert left.rotation().matrix() == pytest.approx(np.eye(3), abs=1e-9)
+    middle = 0.5 * (left.translation() + right.translation())
+    assert middle == pytest.approx(np.zeros(3), abs=1e-9)

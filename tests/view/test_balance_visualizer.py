@@ -247,7 +247,7 @@ def replay(browser: Browser, tmp_path_factory) -> Iterator[Replay]:
     html = tmp_path_factory.mktemp("replay") / "replay.html"
     regions = write_imitation(html)
     assert html.stat().st_size <= 3.8 * MEGABYTE, "5 MB for ten seconds"
-    size = {"width": 480, "height": 360}
+    size = {"width": 686, "height": 360}  # the scene has 480
     context = browser.new_context(viewport=size, offline=True)
     replay = Replay(context.new_page(), regions)
     page = replay.page

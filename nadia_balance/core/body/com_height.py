@@ -195,7 +195,8 @@ class ComHeight:
     ) -> tuple[float, float]:
         """The CoM height that the stance leg allows.
 
-        The hip is `hip_width` / 2 beside the CoM; it is at most `max_stretch`
+        The hip is `hip_width` / 2 beside the CoM, and `hip_ahead` of the ankle
+        when the CoM is over the sole's centre; it is at most `max_stretch`
         times the leg's length from the ankle (Pythagoras).
 
         Args:
@@ -210,6 +211,7 @@ class ComHeight:
         side, params, legs = schedule.support_side, self.params, self.model.legs
         stance = schedule.feet[side]
         x, y = stance.to_sole(com).tolist()
+        x += legs.hip_ahead
         y += 0.5 * side.sign * legs.hip_width
         vx, vy = (stance.rotation.T @ velocity).tolist()
         lowest = params.min_height_ratio * self.model.com_height
@@ -262,8 +264,13 @@ class ComHeight:
 
         It is k_s omega^2 (|icp - ecmp| - sink_distance) while the CoM is ahead
         of the eCMP and above `min_height_ratio`.  The ICP leaves an eCMP, to
-        first order, as exp(omega t + omega (z_dot(t) - z_dot(0)) / (2 g)): a
-        CoM that falls at the touchdown has gained on it.
+        first order, as the exponential of
+
+            omega t + omega / (2 g) (z_dot(t) - z_dot(0)
+                                     + omega^2 integral (z(0) - z) dt):
+
+        a CoM that falls at the touchdown has gained on it, one that has been
+        low for long has lost, as a lower pendulum diverges faster.
 
         Args:
             com: CoM (2,) in W [m].

@@ -218,6 +218,22 @@ class Ground(Immutable):
         """
         return _closest(point, self.footholds(yaw))
 
+    def footholds_at(self, foot: FootPose) -> Array:
+        """The footholds of the region that a foot is on, or is nearest to.
+
+        Args:
+            foot: pose of the sole in W.
+
+        Returns:
+            A polygon (n, 2) in W [m]; (0, 2) if the sole fits on no region.
+        """
+        p = foot.p_WF[:2]
+        return min(
+            [part for part in self.footholds(foot.yaw) if len(part)],
+            key=lambda part: math.dist(project(p, part), p),
+            default=np.empty((0, 2)),
+        )
+
     def footholds_within(
         self, polygon: Array, yaw: float, lowest: float, highest: float
     ) -> Iterator[tuple[int, Array]]:

@@ -11,6 +11,7 @@ from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.body.swing_detour import SwingDetourParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import natural_frequency
+from nadia_balance.core.walking.state import FootPose
 from nadia_balance.parameters.bounds import bounded, parameters
 
 
@@ -31,6 +32,11 @@ class LegGeometry:
     )
     com_above_hip: float = bounded(
         0.0, doc="of the CoM, vertical, in the nominal posture, in m"
+    )
+    hip_ahead: float = bounded(
+        0.0,
+        doc="of the hip pitch axis in front of the ankle, in the nominal "
+        "posture, when the CoM is over the sole's centre, in m",
     )
     hip_width: float = bounded(
         0.0,
@@ -73,6 +79,43 @@ class PointMassModel:
         """Natural frequency [rad/s] (Nadia paper, below Eq. 1)."""
         return natural_frequency(self.com_height)
 
+    def foot_at(self, point: Array, nominal: FootPose) -> FootPose:
+        """The foot that stands on the ground at a point.
+
+        Args:
+            point: centre of the sole (2,) in W [m].
+            nominal: pose whose yaw it has; on flat ground, also whose height.
+
+        Returns:
+            The pose, with the height and the normal of the ground.
+        """
+        height = float(nominal.p_WF[2])
+        if self.ground is None:
+            return FootPose(np.append(point, height), nominal.yaw)
+        return self.ground.pose(point, nominal.yaw, height)
+
+
+@parameters
+class MotorParams:
+    """A kind of motor with its gear, in place of what the URDF says of it."""
+
+    joints: list[str] = bounded(list, doc="the joints that it drives")
+    max_torque: float | None = bounded(
+        None, above=0.0, unit="N m", doc="largest torque; null: of the URDF"
+    )
+    max_speed: float | None = bounded(
+        None,
+        above=0.0,
+        unit="rad/s",
+        doc="speed without load; null: the URDF's velocity limit",
+    )
+    corner_speed: float | None = bounded(
+        None,
+        above=0.0,
+        below=1.0,
+        doc="share of the speed limit with the full torque; null: of `drives`",
+    )
+
 
 @parameters
 class JointDriveParams:
@@ -96,11 +139,8 @@ class JointDriveParams:
         of="",
         doc="largest rate of a commanded torque, in shares of its limit",
     )
-    max_torque: dict[str, float] = bounded(
-        dict,
-        above=0.0,
-        unit="N m",
-        doc="torque limits by joint, in place of those of the URDF",
+    motors: dict[str, MotorParams] = bounded(
+        dict, doc="kinds of motors by name; a joint has one at most"
     )
 
     @property
@@ -127,7 +167,7 @@ class JointImpedanceParams:
 
 
 def torque_limits(
-    speed: Array, max_torque: Array, max_speed: Array, corner_speed: float
+    speed: Array, max_torque: Array, max_speed: Array, corner_speed: Array
 ) -> Array:
     """The torques of drives within max_torque and the torque-speed line.
 
@@ -138,7 +178,7 @@ def torque_limits(
         speed: speeds (n,) of n drives [rad/s].
         max_torque: torque limits (n,) [N m].
         max_speed: speed limits (n,) [rad/s].
-        corner_speed: share of the speed limit with the full torque [-].
+        corner_speed: shares (n,) of the speed limits with the full torque [-].
 
     Returns:
         The least and the largest torque (2, n) [N m].

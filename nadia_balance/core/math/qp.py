@@ -63,11 +63,12 @@ class QpResult(NamedTuple):
 class DenseQp:
     """Minimises 1/2 x'Hx + g'x subject to lower <= A x <= upper.
 
-    H (n, n) must be positive definite, bounds may be equal or infinite, and
-    the number of rows may change: no result depends on an earlier one.  DAQP
-    takes its arrays; if it finds neither a solution nor a proof of
-    infeasibility, the MathematicalProgram is filled with them, Clarabel solves
-    it to its own accuracy, and `fallback` is True.
+    H (n, n) must be positive semidefinite; if it is singular, one of the minima
+    is found.  Bounds may be equal or infinite, and the number of rows may
+    change: no result depends on an earlier one.  DAQP takes its arrays; if it
+    finds neither a solution nor a proof of infeasibility, the
+    MathematicalProgram is filled with them, Clarabel solves it to its own
+    accuracy, and `fallback` is True.
 
     Args:
         num_variables: n, the length of x.

@@ -305,7 +305,7 @@ def adjust_foothold(
     place, target = min(options, key=cost)
     pose = current.pose
     if math.dist(target, pose.p_WF[:2]) >= params.dead_band:
-        pose = landing.geometry.foot_at(target, nominal)
+        pose = landing.geometry.model.foot_at(target, nominal)
     return Adjustment(current.nominal, pose, place.reach, ground=place.ground)
 
 
@@ -495,13 +495,35 @@ def in_time(
         if place is not None and UNDER_WAY * landing.time_to(point) <= time:
             result = Adjustment(
                 target.nominal,
-                geometry.foot_at(point, target.nominal.pose),
+                geometry.model.foot_at(point, target.nominal.pose),
                 place.reach,
                 ground=place.ground,
                 prolonged=target.prolonged,
             )
             share += part
     return result
+
+
+def lacks_ground(landing: Landing) -> bool:
+    """Whether the capture region is in reach, but not on the ground.
+
+    Args:
+        landing: possible touchdowns of this tick.
+
+    Returns:
+        True if C_N shares area with a reachability region, and with none of
+        the footholds within them.
+    """
+    geometry = landing.geometry
+    if geometry.model.ground is None:
+        return False
+    A, b = polygon.halfspaces(landing.capture_region)
+    if any(len(polygon.clip_all(p.polygon, A, b)) for p in geometry.places):
+        return False
+    return any(
+        len(polygon.clip_all(region, A, b))
+        for region in geometry.regions.values()
+    )
 
 
 def capture_regions(landing: Landing, adjustment: Adjustment) -> CaptureRegions:

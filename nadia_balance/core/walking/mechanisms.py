@@ -102,6 +102,7 @@ SETS = (
         "atlas",
     ),
 )
+#: The Nadia paper's sets of mechanisms, by name.
 MECHANISMS = {one.name: one.on for one in SETS if one.paper == "nadia"}
 ATLAS_MECHANISMS = {one.name: one.on for one in SETS if one.paper == "atlas"}
 NAMED = {one.name: one.on for one in SETS}

@@ -48,6 +48,7 @@ class WholeBodyModel:
         position_upper: limits (nj,) [rad].
         max_torque: limits (nj,) [N m].
         max_speed: limits (nj,), which may be infinite [rad/s].
+        corner_speed: shares (nj,) of them with the full torque [-].
         is_leg_joint: whether it is one (nj,).
         inertia: apparent inertia of each in the air (nj,) [kg m^2].
         drives: without, torques have no speed or rate limits.
@@ -62,6 +63,7 @@ class WholeBodyModel:
     position_upper: Array
     max_torque: Array
     max_speed: Array
+    corner_speed: Array
     is_leg_joint: NDArray[np.bool_]
     inertia: Array
     drives: JointDriveParams | None = None
@@ -359,8 +361,8 @@ def crossing_turn(
 
         turn = +-max_turn tanh(gain c^2 x / max_turn),
 
-    + for the left support foot, where x is the distance of the other sole in
-    front of the support sole, and their lateral distance is c less than
+    with + for the left support foot, where x is the distance of the other sole
+    in front of the support sole, and their lateral distance is c less than
     `width`.  The turn is as smooth as the swing (see SwingFootPlanner).
 
     Args:

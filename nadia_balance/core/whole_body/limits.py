@@ -202,7 +202,7 @@ class WholeBodyLimits:
             speed=speed,
             max_torque=self._torques[1],
             max_speed=self._model.max_speed,
-            corner_speed=self._model.drives.corner_speed,
+            corner_speed=self._model.corner_speed,
         )
         if last is None:
             return bounds

@@ -247,7 +247,10 @@ def _number(ax: Axes, step: Step, sole: Array) -> None:
 
 
 def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
-    """Draws the reachability region of the step that was adjusted most."""
+    """Draws where the step could land that was adjusted most.
+
+    These are its reachability region, and its last capture regions.
+    """
     moved = list(filter(_is_moved, shown))
     if not moved:
         return
@@ -261,12 +264,30 @@ def _draw_reach(ax: Axes, log: Log, shown: list[Step]) -> None:
                 region,
                 palette.REACH,
                 label=f"reach of step {step.number} (sole centre),\n{meaning}",
-                alpha=0.07,
-                edgecolor=(*palette.rgb(palette.REACH), 0.7),
+                alpha=0.05,
                 linewidth=1.2,
                 zorder=0.5,
             )
-            return
+            break
+    for n, region in _capture_regions(log, step).items():
+        fill(
+            ax,
+            region,
+            palette.CAPTURE_REGIONS[min(n, len(palette.CAPTURE_REGIONS)) - 1],
+            label=f"C$_{n}$ of step {step.number}, just before\nit landed",
+            alpha=0.15,
+            linewidth=1.2,
+            zorder=0.6,
+        )
+
+
+def _capture_regions(log: Log, step: Step) -> dict[int, Array]:
+    """Corners (k, 2) [m] of C_n by n, the larger first, as the step landed."""
+    rows = log.get("capture_regions", np.zeros((0, 4)))
+    swing = (rows[:, 0] >= step.swing.start) & (rows[:, 0] <= step.swing.end)
+    last = rows[swing & (rows[:, 0] == rows[swing, 0].max(initial=-np.inf))]
+    numbers = np.unique(last[:, 1])[::-1]
+    return {int(n): last[last[:, 1] == n, 2:] for n in numbers}
 
 
 def _key_to_footholds(ax: Axes, shown: list[Step]) -> None:

@@ -17,6 +17,7 @@ from nadia_balance.core.walking.state import Mode, Phase, Side
 from nadia_balance.results.log import (
     Log,
     PhaseSpan,
+    PushSpan,
     contacts,
     foot_part,
     icp_error,
@@ -28,7 +29,7 @@ from nadia_balance.results.log import (
 )
 from nadia_balance.results.measurements import (
     ICP_BACK,
-    joint_speed,
+    joint_speed_ratio,
     torque_ratio,
     walked_velocity,
 )
@@ -37,18 +38,19 @@ from nadia_balance.results.plots.style import FAINT, TEXT, key, title
 # Groups of joints: a pattern of their names, for robots of several
 # manufacturers, and a colour.  A joint is in the first one that fits.
 GROUPS = {
-    "hips": (r"hip|leg_hp", "#3b6fb6"),
-    "knees": (r"knee|leg_kn", "#c2571a"),
-    "ankles": (r"ankle|leg_ak", "#2b8a5f"),
-    "spine": (r"spine|back", "#7a5ba6"),
+    "hips": (r"hip|leg_hp", "#2456b4"),
+    "knees": (r"knee|leg_kn", "#d9731a"),
+    "ankles": (r"ankle|leg_ak", "#52b58a"),
+    "waist": (r"spine|back|waist|torso", "#3d1152"),
     "arms": (r"", "#9aa3b2"),
 }
 SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
-_AXES = {"to x, forward": "#3b6fb6", "to y, left": "#c2571a"}
+_AXES = {"to x, forward": "#2456b4", "to y, left": "#d9731a"}
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _SHORT = 20.0  # longest run whose durations are written [s]
-_SWING, _PUSH = 0.12, 0.3  # opacities of swings and pushes
-_LOADED = 60.0  # from this torque on, its limit is drawn [% of limit]
+_SWING, _PUSH = 0.08, 0.25  # opacities of the shades of swings and pushes
+_BAR = 0.965  # where the bars above them begin [height of the axes]
+_LOADED = 60.0  # from this share on, the limit is drawn [% of limit]
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 _MODE_Y = -0.95  # of the strip of modes
 _MODE_COLORS = {
@@ -58,9 +60,9 @@ _MODE_COLORS = {
 }
 # Parts of a velocity, and their colours.
 _VELOCITY = {
-    "forward [m/s]": "#3b6fb6",
-    "left [m/s]": "#c2571a",
-    "turn [rad/s]": "#2b8a5f",
+    "forward [m/s]": "#2456b4",
+    "left [m/s]": "#d9731a",
+    "turn [rad/s]": "#52b58a",
 }
 
 
@@ -73,8 +75,8 @@ def time_axes(
 ) -> tuple[Figure, list[Axes]]:
     """Makes a figure with stacked axes over one time axis.
 
-    Swings are shaded in the colour of the foot in the air, and pushes are
-    marked.
+    Swings are shaded, below a bar in the colour of the foot in the air, and so
+    are pushes.
 
     Args:
         log: log of a run.
@@ -104,38 +106,32 @@ def time_axes(
 
 
 def _shade(ax: Axes, log: Log, swings: list[PhaseSpan]) -> None:
-    for span in swings:
+    """Shades swings and pushes, with a bar of their colour at the top."""
+    spans: list[tuple[PhaseSpan | PushSpan, str, float]] = [
+        *(
+            (swing, palette.foot_color(swing.swing_side), _SWING)
+            for swing in swings
+        ),
+        *((push, palette.PUSH, _PUSH) for push in pushes(log)),
+    ]
+    for span, color, alpha in spans:
         ax.axvspan(
-            span.start,
-            span.end,
-            lw=0,
-            color=palette.foot_color(span.swing_side),
-            alpha=_SWING,
+            span.start, span.end, zorder=0, lw=0, color=color, alpha=alpha
         )
-    for push in pushes(log):
-        ax.axvspan(
-            push.start,
-            push.end,
-            zorder=0,
-            color=palette.PUSH,
-            alpha=_PUSH,
-            lw=0,
-        )
+        ax.axvspan(span.start, span.end, ymin=_BAR, lw=0, color=color)
 
 
 def _key_to_shades(log: Log, swings: list[PhaseSpan]) -> list[Patch]:
-    push = Patch(label="push", color=palette.PUSH, alpha=_PUSH, lw=0)
     return [
         *(
             Patch(
                 label=f"{side.value} foot swings",
                 color=palette.foot_color(side),
-                alpha=_SWING,
             )
             for side in Side
             if any(span.swing_side is side for span in swings)
         ),
-        *([push] if pushes(log) else []),
+        *([Patch(label="push", color=palette.PUSH)] if pushes(log) else []),
     ]
 
 
@@ -161,7 +157,7 @@ def _legend(
     ax.legend(
         handles=handles,
         loc="lower right",
-        bbox_to_anchor=(1.0, 0.98),
+        bbox_to_anchor=(1.0, 1.0),
         borderpad=0,
         borderaxespad=0.2,
         ncols=columns,
@@ -169,7 +165,7 @@ def _legend(
 
 
 def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
-    """Draws torques, the fastest joint and forces on the feet, if logged.
+    """Draws torques and speeds of joints, and forces on the feet, if logged.
 
     Args:
         log: log of a run.
@@ -182,7 +178,7 @@ def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
         (height, draw)
         for is_logged, height, draw in (
             (torque_ratio(log).size, 2.2, _draw_torques),
-            (joint_speed(log).size, 1.3, _draw_fastest_joint),
+            (joint_speed_ratio(log).size, 2.0, _draw_speeds),
             ("foot_forces" in log, 1.8, _draw_forces),
         )
         if is_logged
@@ -201,19 +197,29 @@ def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
 
 
 def _draw_torques(ax: Axes, log: Log) -> None:
-    """Draws the largest torque of each group of joints."""
-    t, ratio = log["t"], 100.0 * torque_ratio(log)
+    _draw_shares(ax, log, torque_ratio(log))
+    ax.set_ylabel("torque [% of limit]")
+
+
+def _draw_speeds(ax: Axes, log: Log) -> None:
+    _draw_shares(ax, log, joint_speed_ratio(log))
+    ax.set_ylabel("speed [% of limit]")
+
+
+def _draw_shares(ax: Axes, log: Log, ratio: Array) -> None:
+    """Draws the largest one of each group, of a ratio (n, nu) to its limit."""
+    t, percent = log["t"], 100.0 * ratio
     groups = np.array([_group_of(name) for name in log["actuator_names"]])
     for group, (_, color) in GROUPS.items():
         if np.any(groups == group):
             ax.plot(
                 t,
-                np.max(ratio[:, groups == group], axis=1),
+                np.max(percent[:, groups == group], axis=1),
                 linewidth=1.1,
                 color=color,
                 label=group,
             )
-    if np.max(ratio) > _LOADED:
+    if np.max(percent) > _LOADED:
         ax.plot(
             t,
             0.0 * t + 100.0,
@@ -222,7 +228,6 @@ def _draw_torques(ax: Axes, log: Log) -> None:
             linestyle="--",
             label="limit",
         )
-    ax.set_ylabel("torque [% of limit]")
 
 
 def _group_of(joint: str) -> str:
@@ -232,13 +237,6 @@ def _group_of(joint: str) -> str:
         for group, (pattern, _) in GROUPS.items()
         if re.search(pattern, joint, re.IGNORECASE)
     )
-
-
-def _draw_fastest_joint(ax: Axes, log: Log) -> None:
-    ax.plot(
-        log["t"], np.max(joint_speed(log), axis=1), linewidth=1.1, color=TEXT
-    )
-    ax.set_ylabel("fastest joint\n[rad/s]")
 
 
 def _draw_forces(ax: Axes, log: Log) -> None:

@@ -179,8 +179,11 @@ def test_approaches_the_height_within_the_limits_and_settles(drop):
 def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
     """Oracles: hip and ankle, put together again; a central difference.
 
-    The hip is beside the CoM on the side of the stance foot, as its yaw.
+    The hip is beside the CoM on the side of the stance foot and before it, the
+    ankle behind the middle of its sole, as the yaw of the foot.
     """
+    legs = replace(LEGS, hip_ahead=0.05)
+    control = ComHeight(PARAMS, replace(MODEL, legs=legs))
     stance = FootPose([0.4, 0.2, GROUND], yaw)
     feet = schedule(Phase.SWING).feet.with_foot(side, stance)
     going = replace(schedule(Phase.SWING), support_side=side, feet=feet)
@@ -188,12 +191,14 @@ def test_the_stance_leg_allows_a_height_and_its_rate(side, yaw):
     velocity, h = np.array([0.7, -0.4]), 1e-6
 
     def limit(at):
-        return CONTROL.stance_limit(at, velocity, going)
+        return control.stance_limit(at, velocity, going)
 
     height, rate = limit(com)
-    aside = 0.5 * side.sign * LEGS.hip_width * stance.rotation[:2, 1]
-    hip = np.array([*(com + aside), height - LEGS.com_above_hip])
-    ankle = stance.p_WF + [0.0, 0.0, LEGS.ankle_height]
+    ahead, left = stance.rotation.T
+    hip = com + 0.01 * ahead + 0.5 * side.sign * LEGS.hip_width * left
+    ankle = stance.p_WF[:2] - 0.04 * ahead
+    hip = np.array([*hip, height - LEGS.com_above_hip])
+    ankle = np.array([*ankle, GROUND + LEGS.ankle_height])
     leg = math.dist(hip, ankle)
     assert leg == pytest.approx(PARAMS.max_stretch * LEGS.length, abs=1e-12)
     after, before = (limit(com + s * h * velocity)[0] for s in (1.0, -1.0))

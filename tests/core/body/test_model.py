@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from nadia_balance.core.body.model import JointDriveParams
+from nadia_balance.core.body.model import JointDriveParams, MotorParams
 from nadia_balance.parameters.bounds import check
 from tests.example_walks import MODEL
 
@@ -19,10 +19,11 @@ def test_the_natural_frequency_is_that_of_the_com_height():
 
 @pytest.mark.parametrize("torque", [0.0, -5.0])
 def test_refuses_a_drive_without_torque(torque):
-    """Oracle: the message names joint, value and unit."""
-    check(JointDriveParams(max_torque={"KNEE": 1e-3}))
-    drives = JointDriveParams(max_torque={"HIP": 5.0, "KNEE": torque})
+    """Oracle: the message names motor, value and unit."""
+    check(JointDriveParams(motors={"knee": MotorParams(max_torque=1e-3)}))
+    motor = MotorParams(joints=["KNEE"], max_torque=torque)
+    drives = JointDriveParams(motors={"knee": motor})
     with pytest.raises(ValueError) as error:
         check(drives, "drives")
-    message = f"drives.max_torque.KNEE = {torque}: must be > 0 N m"
+    message = f"drives.motors.knee.max_torque = {torque}: must be > 0 N m"
     assert str(error.value) == message

@@ -278,6 +278,26 @@ def test_errors_are_as_large_as_the_filter_says():
     assert total == pytest.approx(300.0, abs=1.96 * math.sqrt(600.0))
 
 
+def test_a_landing_changes_nothing_that_is_known_of_the_rest():
+    """Oracle: the covariance in W before; the sole's is the body's, and noise.
+
+    Turn and place of the whole go to the gauge, which has some of them before.
+    """
+    foot, body = [9, 10, 11, 21], [6, 7, 8, 2]
+    A = np.random.default_rng(2).standard_normal((26, 26))
+    last = start()._replace(cov=A @ A.T)
+    found = InvariantEkf(BLIND, T).touch(last, 0, legs_of(last, np.zeros(12)))
+    copies = np.eye(23)
+    copies[foot] = copies[body]
+    expected = copies @ in_w(last) @ copies.T
+    J = np.vstack((last.R @ LEG[0, 3:], (last.R @ LEG[0, :3])[2]))
+    expected[np.ix_(foot, foot)] += 1e-6 * J @ J.T
+    assert in_w(found) == pytest.approx(expected, rel=0.0, abs=1e-9)
+    assert found.cov[[2, 6, 7]] == pytest.approx(np.zeros((3, 26)), abs=1e-12)
+    told = invariant_ekf.IN_W @ found.cov @ invariant_ekf.IN_W.T
+    assert told == pytest.approx(expected[:9, :9])
+
+
 def test_a_foot_that_slips_is_not_believed():
     """Oracle: the other foot, without it."""
     filter_, last = InvariantEkf(BLIND, T), start()

@@ -3,6 +3,7 @@
 To our knowledge nobody has published numeric tests of N-step capture regions.
 """
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -149,6 +150,40 @@ def test_recoverable_in_n_steps_if_and_only_if_inside(num_steps):
         )
 
 
+def by_choice(period):
+    """D_3 of each choice of regions for the two later steps, by shapely."""
+    E, regions = math.exp(-OMEGA * period), reachability.step_regions
+    choices = [*regions(MODEL.reach, cross_over=True).values()]
+
+    def captured(reach, later):
+        sums = (reach[:, None] + later[None]).reshape(-1, 2)
+        points = shapely.MultiPoint([[0.0, 0.0], *(E * sums)])
+        return np.array(points.convex_hull.exterior.coords)
+
+    return [
+        captured(left, captured(right * [1.0, -1.0], np.zeros((1, 2))))
+        for left in choices
+        for right in choices
+    ]
+
+
+@pytest.mark.parametrize(
+    ("period", "excess"), [(1.0, 0.0028), (0.5, 0.0322), (0.38, 0.0460)]
+)
+def test_the_hull_of_crossing_later_steps_is_too_large_by_this(period, excess):
+    """Oracle: shapely: the union of what each choice of their regions captures.
+
+    C_3 = C_1 + (-D_3) goes beyond it no farther than D_3 does, whatever C_1 is.
+    """
+    schedule = swing(transfer=0.3 * period, swing=0.7 * period)
+    ours = shapely.Polygon(geometry(schedule).offsets[-1])
+    union = shapely.union_all([shapely.Polygon(p) for p in by_choice(period)])
+    assert ours.buffer(1e-9).covers(union)
+    for part, covers in (0.98, False), (1.02, True):
+        larger = union.buffer(part * excess, quad_segs=64)
+        assert larger.covers(ours) is covers
+
+
 def test_discs_grow_as_koolen_says():
     """Oracle: d_N = (d_N-1 + l_max) e^-wT, by Koolen et al."""
     length, E, expected = 0.7, math.exp(-3.0 * 0.6), 0.0
@@ -236,6 +271,25 @@ def test_the_foot_is_cut_on_its_proper_sides():
     foot = convex_hull(params.usable_foot(rectangle(0.25, 0.12)))
     corners = [[-0.105, -0.02], [0.115, -0.02], [0.115, 0.03], [-0.105, 0.03]]
     np.testing.assert_allclose(foot, corners, atol=1e-15)
+
+
+def test_the_cop_stays_where_the_ankle_holds_it():
+    """Oracle: the ICP's dynamics, by hand for each corner, in a turned world.
+
+    The ankle holds the CoP in 0.16 m x 0.07 m, the swing is the right one's.
+    """
+    schedule = moved(swing(num_steps=1), 0.3, [1.0, 2.0])
+    model = replace(MODEL, held=rectangle(0.16, 0.07) + [0.01, 0.0])
+    polygons = SwingGeometry(schedule, PARAMS, model, ALL)
+    front, back = 0.09 - PARAMS.foot_front, -0.07 + PARAMS.foot_back
+    inner, outer = -0.035 + PARAMS.foot_inside, 0.035 - PARAMS.foot_outside
+    corners = itertools.product((front, back), (inner, outer))
+    cops = schedule.feet.left.to_world(np.array([*corners]))
+    icp, times = np.array([1.1, 1.9]), (0.2, 0.5)
+    reached = [icp_after(icp, cop, OMEGA, t) for cop in cops for t in times]
+    expected = shapely.MultiPoint(reached).convex_hull
+    region = shapely.Polygon(polygons.one_step_region(icp, times))
+    assert region.symmetric_difference(expected).area < 1e-12
 
 
 # The ground.

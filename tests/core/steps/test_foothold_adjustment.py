@@ -13,6 +13,7 @@ from shapely.ops import nearest_points
 from nadia_balance.core.body import reachability
 from nadia_balance.core.body.reachability import BACKWARD, BASE, FORWARD
 from nadia_balance.core.math.arrays import rectangle
+from nadia_balance.core.math.lipm import icp_after
 from nadia_balance.core.math.polygon import contains, convex_hull
 from nadia_balance.core.steps.capture_region import (
     Place,
@@ -25,6 +26,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
     capture_regions,
     goals,
     in_time,
+    lacks_ground,
     propose_adjustment,
     touchdown_interval,
     unadjusted,
@@ -32,7 +34,7 @@ from nadia_balance.core.steps.foothold_adjustment import (
 from nadia_balance.core.walking.state import Adjustment, FootPose, WalkingState
 from tests.core.body.test_ground import square
 from tests.core.steps.test_capture_region import PARAMS, geometry, on_ground
-from tests.example_walks import ALL, UNCROSSED, mirrored, moved, swing
+from tests.example_walks import ALL, OMEGA, UNCROSSED, mirrored, moved, swing
 
 TICK = 0.002
 IN_PLACE = swing(length=0.0)
@@ -219,6 +221,22 @@ def test_the_region_reached_too_late_is_farther_and_its_goal_where_it_was():
     corner = convex_hull(np.array([[0.0, 1.0], [1.0, 2.0], [0.0, 2.0]]))
     (goal,) = chosen([(BASE, 0, corner)], late=corner, margin=0.1)
     np.testing.assert_allclose(goal.part, [[0.0, 1.0]], atol=1e-15)
+
+
+def test_the_foot_is_under_way_to_the_region_of_before_alone():
+    """Oracle: by hand: forward is farther by 0.5 m; from rest, 0.7 m pass."""
+
+    class Case(Given):
+        def on_arrival(self, region, least, under_way=False):
+            return self.capture_region - [0.0, 0.7 * (not under_way)]
+
+    places = tuple(Place(*place) for place in towers(-0.5, -1.0, -3.0))
+    case = given(ABOVE, Case, places=places, hurried_region=lambda _: ABOVE)
+    for before, expected in ((BASE, BASE), (FORWARD, FORWARD)):
+        (goal,) = goals(case, at(9.0, 9.0, before), RULES)
+        assert goal.place.reach == expected
+    (goal,) = goals(case, unadjusted(IN_PLACE), RULES)
+    assert goal.place.reach == BASE
 
 
 def test_the_region_is_one_that_hurried_later_steps_capture():
@@ -603,6 +621,59 @@ def test_a_swing_is_prolonged_for_a_foothold_that_misses_less(icp, left):
     assert missed(again.pose) <= missed(proposed.pose) + 1e-9
 
 
+@pytest.mark.parametrize("gained", [-0.03, 0.0, 0.03])
+@pytest.mark.parametrize("granted", [0.0, 0.04])
+def test_a_prolonged_swing_ends_at_one_time_whatever_the_clock(gained, granted):
+    """Oracle: by hand: a foot under way goes a / 4 (sqrt(2) t - settling)^2.
+
+    t is the planned duration and the prolongation, less the elapsed time.  Once
+    it is granted, nobody asks again what it is worth.
+    """
+    worth = 9.0 if granted else PARAMS.rules.distance_hysteresis
+    rules = replace(PARAMS.rules, distance_hysteresis=worth)
+    params = replace(PARAMS, prolongation=0.04, rules=rules)
+    elapsed, foot = 0.66, NOMINAL.p_WF[:2]
+    first = replace(unadjusted(IN_PLACE), prolonged=granted)
+    state = state_at(elapsed + gained, adjustment=first)
+    times = (0.06 if granted else 0.03, 0.5)
+    case = Landing(GEOMETRY, np.array([0.4, -0.3]), times, foot)
+    proposed = propose_adjustment(
+        replace(state, elapsed=elapsed), case, params, TICK
+    )
+    detour, t = GEOMETRY.model.detour, IN_PLACE.duration + 0.04 - elapsed
+    reach = math.sqrt(2.0) * t - detour.settling
+    reach = 0.25 * detour.max_acceleration * reach**2
+    target = adjust_foothold(first, case, params, TICK)
+    way, whole = (
+        math.dist(one.pose.p_WF[:2], foot) for one in (proposed, target)
+    )
+    assert reach - whole / 32.0 - 1e-9 <= way <= reach < whole
+    assert proposed.prolonged == 0.04
+
+
+@pytest.mark.parametrize("place", [(0.0, -0.3), (-0.4, -0.5)])
+def test_a_foot_misses_by_its_landing_but_not_before_the_clock(place):
+    """Oracle: shapely: the ICPs that CoPs in the corners lead to.
+
+    The first foot is over the foothold, the second one 2 sqrt(way / a) away.
+    """
+    foothold, icp = at(0.0, -0.3), np.array([0.3, -0.5])
+    way = math.dist(place, foothold.pose.p_WF[:2])
+    t = 2.0 * math.sqrt(way / GEOMETRY.model.detour.max_acceleration)
+    first = max(0.1, math.sqrt(0.5) * (t + GEOMETRY.model.detour.settling))
+    case = Landing(GEOMETRY, icp, (0.1, 0.6), np.array(place))
+    icps = [
+        icp_after(icp, cop, OMEGA, time)
+        for cop in GEOMETRY.foot
+        for time in (first, first + 0.5)
+    ]
+    one_step = convex_hull(np.array(icps))
+    region = shapely.Polygon(GEOMETRY.hurried_region(one_step))
+    expected = region.distance(shapely.Point(foothold.pose.p_WF[:2]))
+    assert expected > 0.01
+    assert case.missed(foothold) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(("shift", "kept"), [(0.01, "left"), (0.02, "right")])
 def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
     """Oracle: by hand: two stones meet in front of the nominal foothold.
@@ -619,6 +690,33 @@ def test_a_stone_is_kept_unless_another_one_is_clearly_nearer(shift, kept):
             current = at(-0.3 + 0.6 * last, -0.2, ground=last)
         pose = adjust(current, everywhere, **vars(polygons)).pose
         assert polygons.model.ground.region_under(pose).name == expected
+
+
+def test_ground_is_missed_where_the_capture_region_is_in_reach_of_none():
+    """Oracle: shapely's areas, for pushes all around on plates of three sizes.
+
+    On flat ground none is missed.
+    """
+    missed = []
+    for side, icp in itertools.product((0.8, 1.2, 3.0), PUSHES):
+        polygons = on_ground((square("plate", side=side),), IN_PLACE)
+        case = landing(state_at(0.3), icp, polygons)
+        captures = shapely.Polygon(case.capture_region)
+        reach = shapely.union_all(
+            [shapely.Polygon(region) for region in polygons.regions.values()]
+        )
+        held = shapely.union_all(
+            [shapely.Polygon(place.polygon) for place in polygons.places]
+        )
+        expected = (
+            captures.intersection(reach).area > 1e-9
+            and captures.intersection(held).area <= 1e-9
+        )
+        assert lacks_ground(case) == expected
+        assert not lacks_ground(landing(state_at(0.3), icp))
+        missed.append((side, expected))
+    sides = {side for side, expected in missed if expected}
+    assert sides == {0.8, 1.2} and (0.8, False) in missed
 
 
 # To draw.

@@ -36,6 +36,8 @@ MODEL = WholeBodyModel(
     position_upper=np.zeros(0),
     max_torque=np.zeros(0),
     max_speed=np.zeros(0),
+    corner_speed=np.zeros(0),
+    inertia=np.zeros(0),
     is_leg_joint=np.zeros(0),
 )
 

@@ -1,0 +1,101 @@
+"""A sweep in one call, as scripts/envelope.py makes it by its flags."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from dask.system import CPU_COUNT
+
+from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.diagrams.own_blocks import name_of
+from nadia_balance.diagrams.scenario import AT, load_scenario
+from nadia_balance.results.folder import prepare_folder
+from nadia_balance.sweep.limits import (
+    LimitTable,
+    check_beside,
+    first_pushes,
+    limit_table,
+)
+from nadia_balance.sweep.report import write_report
+from nadia_balance.sweep.run_trial import open_workers, run_sweep
+from nadia_balance.sweep.search import SearchParams, Sweep
+from nadia_balance.sweep.trials import Rows
+
+
+def envelope(
+    out: str | Path,
+    scenario: str = "push",
+    *,
+    directions: int | Sequence[float] = 12,
+    at: str = AT,
+    mechanisms: Sequence[str] = tuple(MECHANISMS)[-1:],
+    blocks: Mapping[str, type | str | None] | None = None,
+    controller: type | str = "",
+    search: SearchParams | None = None,
+    plant: str = "humanoid",
+    beside: str | Path | None = None,
+    workers: int = CPU_COUNT,
+    scheduler: str | None = None,
+    **changes: Any,
+) -> LimitTable:
+    """Finds the largest pushes that the robot recovers from, all around it.
+
+    Trials that are in the folder are not made again: the same call goes on.
+    Each worker imports the classes, and makes blocks of its own.
+
+    Args:
+        out: folder that gets the trials, the limits, tables and a picture.
+        scenario: name of one with one push.
+        directions: in [0, 360) [deg], or how many all around.
+        at: when the push begins.
+        mechanisms: names of sets of mechanisms.
+        blocks: classes by role, in the place of our blocks; None leaves one
+            out.
+        controller: class of a controller, or path of a policy, in the place of
+            ours.
+        search: resolution, strides and replicas; by default SearchParams().
+        plant: "humanoid", or "lipm".
+        beside: folder of another sweep, to compare with.
+        workers: processes on this machine.
+        scheduler: of a Dask cluster to run on, tcp://host:port.
+        **changes: fields of the scenario.
+
+    Returns:
+        The limits; their `records` have one for each direction.
+
+    Raises:
+        ValueError: an argument is invalid, or a block cannot be made.
+        RuntimeError: a worker fails.
+        OSError: a file cannot be written.
+    """
+    angles = (
+        [i * 360.0 / directions for i in range(directions)]
+        if isinstance(directions, int)
+        else directions
+    )
+    name = controller if isinstance(controller, str) else name_of(controller)
+    sweep = Sweep(
+        scenarios={scenario: load_scenario(scenario, **changes)},
+        plant=plant,
+        controller=name,
+        blocks={role: name_of(kind) for role, kind in (blocks or {}).items()},
+        directions=tuple(round(angle, 6) for angle in angles),
+        at=(at,),
+        mechanisms=tuple(mechanisms),
+        search=search or SearchParams(),
+    )
+    sweep.validate()
+    sweep.build(sweep.cells()[0], replica=0)
+    other = None if beside is None else Path(beside)
+    if other is not None:
+        check_beside(other, sweep.one.robot)
+    sweep.first = first_pushes(sweep)
+    folder = prepare_folder(Path(out))
+    with (
+        open_workers(workers, scheduler) as executor,
+        Rows.opened(folder, sweep.identity()) as rows,
+    ):
+        run_sweep(sweep, rows, executor)
+        table = limit_table(rows, sweep.scenarios, other)
+        write_report(table, rows)
+    return table

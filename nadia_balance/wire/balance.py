@@ -1,0 +1,272 @@
+"""What balances a robot by its bus: estimators and controller, tick by tick."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+from nadia_balance.balance_controller import (
+    BalanceController,
+    ControllerParams,
+    controller_params,
+)
+from nadia_balance.core.estimation.sensors import SensorParams
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.core.plan.footstep_plan import velocity_limits
+from nadia_balance.parameters.bounds import require
+from nadia_balance.robot.model import (
+    FALLEN_HEIGHT,
+    FALLEN_TILT,
+    RobotModel,
+    load_robot,
+)
+from nadia_balance.robot.params import load_sensors
+from nadia_balance.robot.plants import actuated_velocities, joints_above
+from nadia_balance.systems.estimation import StateEstimator
+from nadia_balance.systems.foot_forces import FootForceEstimator
+from nadia_balance.systems.wiring import connect
+from nadia_balance.wire.messages import JointCommand, RobotState
+from nadia_balance.wire.process import RobotProcess
+
+
+class Ticking:
+    """A system whose time is the number of ticks, from a beginning on."""
+
+    def __init__(self, system: System, period: float) -> None:
+        """Begins.
+
+        Args:
+            system: with all inputs declared as vectors.
+            period: of a tick [s].
+        """
+        self._system, self._period = system, period
+        self.begin()
+
+    def begin(self) -> None:
+        """Forgets all."""
+        self._simulator = Simulator(self._system)
+        self._ticks = 0
+
+    def tick(self, **inputs: Array) -> None:
+        """Sets the inputs of the next tick.
+
+        Args:
+            **inputs: by the names of the ports.
+
+        Raises:
+            RuntimeError: as finish.
+        """
+        self.finish()
+        context = self._simulator.get_mutable_context()
+        for name, value in inputs.items():
+            self._system.GetInputPort(name).FixValue(context, value)
+        self._ticks += 1
+
+    def finish(self) -> None:
+        """Updates the states by the last tick's inputs: its outputs are read.
+
+        Raises:
+            RuntimeError: a block has no value.
+        """
+        if self._ticks:
+            self._simulator.AdvanceTo(self._ticks * self._period)
+
+    def output(self, name: str) -> Any:
+        """An output by the last tick's inputs.
+
+        Args:
+            name: of the port.
+
+        Returns:
+            Its value, which the next tick may overwrite.
+        """
+        context = self._simulator.get_context()
+        return self._system.GetOutputPort(name).Eval(context)
+
+
+class RobotBalance:
+    """Estimators and BalanceController between a state and a command.
+
+    Its time is the number of ticks since `begin`.
+
+    Args:
+        robot: that is balanced.
+        params: of the controller.
+        sensors: place and errors of its IMU and encoders.
+        delay: of the measurements [s], a multiple of the control period.
+
+    Raises:
+        ValueError: as the blocks; or a joint has no actuator.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        params: ControllerParams,
+        sensors: SensorParams,
+        delay: float = 0.0,
+    ) -> None:
+        self.period = params.control_period
+        plant = robot.control_plant()
+        # Where the joint of each actuator is among all joints.
+        self._joints = actuated_velocities(plant) - 6
+        self._nj = plant.num_velocities() - 6
+        require(
+            sorted(self._joints) == [*range(self._nj)],
+            f"robot = {robot.name}: must have an actuator at each joint",
+        )
+        self._weight = robot.mass * GRAVITY
+        self._standing = robot.standing_positions()
+        self._load = Ticking(
+            FootForceEstimator(robot, sensors, self.period), self.period
+        )
+        self._balance = Ticking(
+            _diagram(robot, params, sensors, delay), self.period
+        )
+
+    def rest(self) -> None:
+        """Forgets all: the robot is at rest."""
+        self._load.begin()
+
+    def loads(self, imu: Array, state: RobotState) -> Array:
+        """The loads on the feet of a robot that does not balance yet.
+
+        Args:
+            imu: as of systems.estimation.Imu, over the last period (9,).
+            state: the latest.
+
+        Returns:
+            Shares of its weight on the left and the right foot (2,).
+        """
+        self._load.tick(imu=imu, joints=self._angles(state), torques=state.tau)
+        return np.asarray(self._load.output("foot_forces") / self._weight)
+
+    def begin(self) -> None:
+        """Forgets all: the robot stands, at rest, with level soles."""
+        self._balance.begin()
+
+    def tick(
+        self, imu: Array, state: RobotState, velocity: Array
+    ) -> JointCommand:
+        """The command of a tick.
+
+        Args:
+            imu: as of systems.estimation.Imu, over the last period (9,).
+            state: the latest.
+            velocity: commanded, forward, left [m/s], turn [rad/s] (3,).
+
+        Returns:
+            The command.
+
+        Raises:
+            RuntimeError: there is none.
+        """
+        self._balance.tick(
+            imu=imu,
+            joints=self._angles(state),
+            torques=state.tau,
+            velocity_command=velocity,
+        )
+        command = self._balance.output("joint_command").copy()
+        q, dq, tau, kp, kd = command.reshape(5, -1)
+        return JointCommand(q=q, dq=dq, tau=tau, kp=kp, kd=kd)
+
+    def finish(self) -> None:
+        """Makes of the last tick what its command does not need.
+
+        Raises:
+            RuntimeError: a block has no value.
+        """
+        self._balance.finish()
+
+    def fall_reason(self) -> str:
+        """Why the robot has fallen by the last tick.
+
+        Returns:
+            A few words; empty if it has not.
+        """
+        state = self._balance.output("estimated_state")
+        if state[6] < FALLEN_HEIGHT * self._standing[6]:
+            return "pelvis too low"
+        w, x, y, z = state[:4]
+        up = (w**2 + z**2 - x**2 - y**2) / (state[:4] @ state[:4])
+        return "pelvis tilted" if up < math.cos(FALLEN_TILT) else ""
+
+    def _angles(self, state: RobotState) -> Array:
+        """Angles and speeds (2 nj,) in the order of the joints."""
+        joints = np.empty((2, self._nj))
+        joints[:, self._joints] = state.q, state.dq
+        return joints.ravel()
+
+
+def process_of(
+    robot: str, sensors: str, tell: Callable[[str], None] = lambda line: None
+) -> tuple[RobotModel, RobotProcess]:
+    """All that balances a robot.
+
+    Args:
+        robot: a model's name, or the path of a robot.yaml.
+        sensors: of models/sensors, how wrong its IMU and encoders are.
+        tell: takes a line for each event.
+
+    Returns:
+        The robot, and its process.
+
+    Raises:
+        ValueError: there is no such robot, or no such sensors.
+    """
+    model, params = load_robot(robot), controller_params(robot)
+    plant = model.control_plant()
+    bearing = {
+        joint.velocity_start()
+        for body in (*model.foot_bodies.values(), model.torso_body)
+        for joint in joints_above(plant, body)
+    }
+    process = RobotProcess(
+        RobotBalance(model, params, load_sensors(sensors)),
+        standing=model.standing_positions()[actuated_velocities(plant) + 1],
+        limits=np.array(plant.GetEffortUpperLimits()),
+        bears=np.isin(actuated_velocities(plant), [*bearing]),
+        velocity_limits=velocity_limits(
+            params.footstep_planner, model.point_mass
+        ),
+        tell=tell,
+    )
+    return model, process
+
+
+def _diagram(
+    robot: RobotModel,
+    params: ControllerParams,
+    sensors: SensorParams,
+    delay: float,
+) -> Diagram:
+    """From imu, joints, torques and velocity_command to a command."""
+    period = params.control_period
+    controller = BalanceController(params, robot, delay=delay, sensors=sensors)
+    forces = FootForceEstimator(robot, sensors, period)
+    estimator = StateEstimator(robot, sensors, period, None, 0.0)
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("balance_controller", controller)
+    builder.AddNamedSystem("foot_force_estimator", forces)
+    builder.AddNamedSystem("state_estimator", estimator)
+    for name in "imu", "joints":
+        builder.ExportInput(forces.GetInputPort(name), name)
+        builder.ConnectInput(name, estimator.GetInputPort(name))
+    builder.ExportInput(forces.GetInputPort("torques"), "torques")
+    name = "velocity_command"
+    builder.ExportInput(controller.GetInputPort(name), name)
+    connect(builder, forces, estimator, "foot_forces")
+    connect(builder, forces, controller, "foot_forces")
+    connect(builder, estimator, controller, "estimated_state")
+    for system, name in (
+        (controller, "joint_command"),
+        (estimator, "estimated_state"),
+        (forces, "foot_forces"),
+    ):
+        builder.ExportOutput(system.GetOutputPort(name), name)
+    return builder.Build()

@@ -1,0 +1,115 @@
+"""A controller for LeRobot's G1, by the three names that it asks for.
+
+LeRobot calls `run_step` once a `control_dt` in a thread of its own, and sends
+the targets that it returns with the gains kp and kd, at rest and without
+torques: what is asked of the drives is put into the targets.  Its states have
+no time, so that a call is a period; one that is late is not known.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.wire.balance import process_of
+from nadia_balance.wire.kinds import joint_names
+from nadia_balance.wire.messages import JointCommand, RobotState
+from nadia_balance.wire.process import damping
+
+AXES = ("remote.ly", "remote.lx", "remote.rx")  # forward, left, turn
+_SIGNS = np.array((1.0, -1.0, -1.0))
+
+
+class LeRobotController:
+    """Takes a G1's posture, waits for its weight, and balances it.
+
+        q = q_now + (tau + kp_c (q_c - q_now) + kd_c (dq_c - dq_now)
+                     + kd dq_now) / kp
+
+    is the target by which kp (q - q_now) - kd dq_now, the law of LeRobot's
+    drives, gives the torque of a JointCommand c at the time of the state.
+
+    Args:
+        robot: a model's name, or a robot.yaml, with the joints of LeRobot's G1.
+        sensors: how wrong its IMU and encoders are, see load_sensors.
+        tell: takes a line for each event.
+
+    Raises:
+        ValueError: there is no such robot, or no such sensors.
+    """
+
+    def __init__(
+        self,
+        robot: str = "g1",
+        sensors: str = "proprioceptive",
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        model, self._process = process_of(robot, sensors, tell)
+        self.control_dt = self._process.period
+        limits, self.kp = self._process.limits, self._process.stiffness
+        self.kd = self.kp * self._process.params.posture_damping
+        self._damping = damping(np.zeros(len(limits)), limits)
+        self._keys = [lerobot_name(joint) for joint in joint_names(model)]
+        self.reset()
+
+    def reset(self) -> None:
+        """Begins anew: its next steps take the posture."""
+        self._steps = 0
+        self._process.stop("reset")
+        self._process.forget()
+        self._process.start()
+
+    def run_step(
+        self, action: Mapping[str, float], lowstate: Any
+    ) -> dict[str, float]:
+        """The joint targets of a period.
+
+        Args:
+            action: what the remote control says, by AXES; other keys are not
+                used.
+            lowstate: LeRobot's state, its motors in the order of the G1's.
+
+        Returns:
+            The targets [rad], by LeRobot's names of the joints.
+        """
+        self._steps += 1
+        motors, imu = lowstate.motor_state, lowstate.imu_state
+        q, dq, tau = (
+            np.array([getattr(motors[i], name) for i in range(len(self._keys))])
+            for name in ("q", "dq", "tau_est")
+        )
+        state = RobotState(
+            time=self._steps * self.control_dt,
+            q=q,
+            dq=dq,
+            tau=tau,
+            quaternion=np.array(imu.quaternion),
+            gyro=np.array(imu.gyroscope),
+            force=np.array(imu.accelerometer),
+            sticks=_SIGNS * [action.get(axis, 0.0) for axis in AXES],
+        )
+        command = self._process.hear(state) or self._damping
+        targets = self._targets(state, command)
+        return dict(zip(self._keys, targets.tolist(), strict=True))
+
+    def _targets(self, state: RobotState, command: JointCommand) -> Array:
+        torque = (
+            command.tau
+            + command.kp * (command.q - state.q)
+            + command.kd * (command.dq - state.dq)
+        )
+        return np.asarray(state.q + (torque + self.kd * state.dq) / self.kp)
+
+
+def lerobot_name(joint: str) -> str:
+    """LeRobot's key of a joint's target.
+
+    Args:
+        joint: its name in the URDF, such as left_hip_pitch_joint.
+
+    Returns:
+        The key, such as kLeftHipPitch.q.
+    """
+    words = joint.removesuffix("_joint").split("_")
+    return f"k{''.join(word.capitalize() for word in words)}.q"

@@ -1,0 +1,119 @@
+"""Runs a RobotProcess on a wire, until it is told to end."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from nadia_balance.wire.messages import JointCommand, RefusedError, Wire
+from nadia_balance.wire.process import SILENCE, Phase, RobotProcess
+
+LISTEN = 0.3  # for rivals, before the first command [s]
+
+
+@dataclass
+class Delays:
+    """How late the answers were, by the fastest one.
+
+    An answer is late if it leaves more than a control period after the fastest
+    answer would have: what waited in a queue counts.
+
+    Args:
+        period: of the control [s].
+    """
+
+    period: float
+    answers: int = 0
+    late: int = 0
+    longest: float = 0.0  # [s]
+    _least: float = float("inf")
+
+    def restart(self) -> None:
+        """Forgets the fastest answer: the robot's clock may have changed."""
+        self._least = float("inf")
+
+    def add(self, wall: float, sample: float) -> float:
+        """Counts an answer.
+
+        Args:
+            wall: time at which it left [s].
+            sample: the robot's time of what is answered [s].
+
+        Returns:
+            The delay [s].
+        """
+        self._least = min(self._least, wall - sample)
+        delay = wall - sample - self._least
+        self.answers += 1
+        self.late += delay > self.period
+        self.longest = max(self.longest, delay)
+        return delay
+
+
+def refuse_rivals(wire: Wire) -> None:
+    """Listens whether someone else commands the robot.
+
+    Args:
+        wire: the controller's end.
+
+    Raises:
+        ValueError: someone does.
+    """
+    end = time.monotonic() + LISTEN
+    while time.monotonic() < end:
+        time.sleep(0.02)
+        if wire.rivals():
+            raise ValueError(
+                "another controller commands this robot: must be the only one"
+            )
+
+
+def run(
+    wire: Wire,
+    process: RobotProcess,
+    each: Callable[[], bool],
+    slower: float = 1.0,
+) -> Delays:
+    """Reads, answers and writes until `each` says that it ends, then damps.
+
+    Args:
+        wire: the controller's end.
+        process: what answers.
+        each: called after each answer and each silence: False ends.
+        slower: how much slower than real time the robot's clock may go; 1: as
+            on a machine, and a controller that is SILENCE behind lets go.
+
+    Returns:
+        How late it was while it balanced.
+    """
+    delays, heard = Delays(process.period), time.monotonic()
+    silence = slower * SILENCE
+    while each():
+        state = command = None
+        try:
+            state = wire.read(max(heard + silence - time.monotonic(), 0.0))
+        except RefusedError as error:
+            process.refuse(str(error))
+        now = time.monotonic()
+        if state is not None:
+            heard, command = now, process.hear(state)
+        elif now >= heard + silence:
+            heard, command = now, process.silent()
+        _write(wire, command)
+        if state is not None and process.phase is Phase.BALANCE:
+            behind = delays.add(time.monotonic(), state.time)
+            _write(wire, process.finish())
+            if behind > SILENCE and slower == 1.0:
+                late = f"{1e3 * behind:.0f} ms behind the robot"
+                _write(wire, process.stop(late))
+            if wire.rivals():
+                _write(wire, process.stop("another controller commands it"))
+        else:
+            delays.restart()
+    if process.counts.samples:
+        wire.write(process.stop("stopped"))
+    return delays
+
+
+def _write(wire: Wire, command: JointCommand | None) -> None:
+    if command is not None:
+        wire.write(command)

@@ -1,0 +1,168 @@
+"""Balances a robot at the other end of a wire, and walks it by keys."""
+
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import argparse
+import sys
+from collections.abc import Callable
+
+import numpy as np
+
+from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.parameters.bounds import require
+from nadia_balance.scripts import command_line
+from nadia_balance.wire import keyboard, loop
+from nadia_balance.wire.balance import process_of
+from nadia_balance.wire.kinds import WIRES, controller_wire
+from nadia_balance.wire.messages import LOOPBACK
+from nadia_balance.wire.process import Phase, RobotProcess
+
+STAND, LET_GO = "r", "b"  # keys
+
+
+@command_line.program
+def main(argv: list[str] | None = None) -> int:
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        The exit code of --help.
+    """
+    parser = _parser()
+    args = parser.parse_args(argv)
+    with parser.refusing():
+        require(
+            args.lockstep >= 1.0, f"lockstep = {args.lockstep}: must be >= 1"
+        )
+        robot, process = process_of(args.robot, args.sensors, command_line.say)
+        wire = controller_wire(args.wire, robot, args.interface, args.domain)
+        loop.refuse_rivals(wire)
+    process.start()
+    with keyboard.pressed_keys() as keys, until_ctrl_c() as interrupted:
+        command_line.say(f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end")
+        delays = loop.run(
+            wire,
+            process,
+            each=_until(process, args, keys, interrupted),
+            slower=args.lockstep,
+        )
+        wire.close()
+        command_line.say(*_report(process))
+        if args.lockstep == 1.0:
+            command_line.say(
+                f"answers late {delays.late} of {delays.answers}, longest "
+                f"{1e3 * delays.longest:.1f} ms"
+            )
+        if interrupted():
+            return command_line.INTERRUPTED
+    counts = process.counts
+    is_up = counts.ticks and not counts.falls and not counts.silences
+    return command_line.DONE if is_up else command_line.FAILED
+
+
+def _parser() -> command_line.CommandLine:
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 it stood until --duration, 1 it fell, or was silent, 2 bad input, "
+        "130 Ctrl-C or SIGTERM.",
+    )
+    wire_flags(parser)
+    parser.add_argument(
+        "--sensors",
+        choices=SENSORS[1:],
+        default="proprioceptive",
+        help="how wrong its IMU and encoders are (%(default)s)",
+    )
+    parser.add_argument(
+        "--command",
+        type=command_line.velocity,
+        metavar="V",
+        help="walk at this velocity as soon as it stands: forward, left "
+        '[m/s], turn [rad/s], such as "0.3 0 0.2"',
+    )
+    return parser
+
+
+def wire_flags(parser: command_line.CommandLine) -> None:
+    """Adds the flags of both ends of a wire.
+
+    Args:
+        parser: of the program.
+    """
+    parser.add_argument(
+        "--robot", default="g1", help="a model's name, or a robot.yaml"
+    )
+    parser.add_argument(
+        "--wire", choices=WIRES, default="lcm", help="(%(default)s)"
+    )
+    parser.add_argument(
+        "--interface",
+        default=LOOPBACK,
+        help="of the network; by default nothing leaves this machine",
+    )
+    parser.add_argument(
+        "--domain",
+        type=int,
+        default=1,
+        help="of DDS, or LCM's port above 7667 (%(default)s; Unitree's robots "
+        "have 0)",
+    )
+    parser.add_argument(
+        "--lockstep",
+        type=command_line.finite,
+        default=1.0,
+        metavar="FACTOR",
+        help="let the robot wait for commands: up to so much slower than real "
+        "time, the same at both ends (1: never)",
+    )
+    parser.add_argument(
+        "--duration",
+        type=command_line.finite,
+        help="by the robot's clock [s] (until Ctrl-C)",
+    )
+
+
+def _until(
+    process: RobotProcess,
+    args: argparse.Namespace,
+    keys: Callable[[], str],
+    interrupted: Callable[[], bool],
+) -> Callable[[], bool]:
+    """What the loop asks after each sample: whether it goes on."""
+
+    def each() -> bool:
+        pressed = keys().lower()
+        if LET_GO in pressed:
+            process.stop("B")
+        if STAND in pressed:
+            process.start()
+        if process.phase is Phase.BALANCE:
+            if args.command is not None:
+                process.velocity = np.clip(
+                    args.command, *process.velocity_limits
+                )
+                args.command = None
+            process.velocity = keyboard.commanded(
+                process.velocity, pressed, process.velocity_limits
+            )
+        is_over = args.duration is not None and process.time >= args.duration
+        return not (interrupted() or is_over)
+
+    return each
+
+
+def _report(process: RobotProcess) -> list[str]:
+    counts = process.counts
+    return [
+        f"samples {counts.samples}: lost {counts.lost}, late {counts.late}, "
+        f"refused {counts.refused}",
+        f"ticks {counts.ticks}; silences {counts.silences}, falls "
+        f"{counts.falls}",
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

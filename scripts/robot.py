@@ -1,0 +1,154 @@
+"""Simulates a robot at the other end of a wire, with drives and a bus."""
+
+import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
+import argparse
+import sys
+
+import numpy as np
+
+from nadia_balance.diagrams.scenario import SENSORS
+from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.parameters.bounds import check, require
+from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.params import load_sensors
+from nadia_balance.scripts import command_line
+from nadia_balance.scripts.control import wire_flags
+from nadia_balance.wire.kinds import joint_names, robot_wire
+from nadia_balance.wire.process import damping
+from nadia_balance.wire.serve import BusFaults, Serving
+from nadia_balance.wire.simulated_robot import ENGINES, SimulatedRobot
+
+
+@command_line.program
+def main(argv: list[str] | None = None) -> int:
+    """Runs a command line.
+
+    Args:
+        argv: its words; None: those of the process.
+
+    Returns:
+        The exit code of --help.
+    """
+    parser = _parser()
+    args = parser.parse_args(argv)
+    with parser.refusing():
+        serving = _serving(args)
+    robot = serving.robot
+    with until_ctrl_c() as interrupted:
+        while not interrupted() and (
+            args.duration is None or robot.time < args.duration
+        ):
+            serving.step()
+        serving.wire.close()
+        command_line.say(*_report(serving))
+        if interrupted():
+            return command_line.INTERRUPTED
+    is_up = serving.longest > 0.0 and not serving.falls
+    return command_line.DONE if is_up else command_line.FAILED
+
+
+def _parser() -> command_line.CommandLine:
+    parser = command_line.CommandLine(
+        __file__,
+        __doc__,
+        "0 it stood alone, and never fell, 1 it did not, 2 bad input, 130 "
+        "Ctrl-C or SIGTERM.",
+    )
+    wire_flags(parser)
+    parser.add_argument(
+        "--engine",
+        default=ENGINES[0],
+        help=f"{', '.join(ENGINES)}: what moves it (%(default)s)",
+    )
+    parser.add_argument(
+        "--model",
+        type=command_line.place,
+        metavar="MJCF",
+        help="that moves in the place of the robot's own URDF, in mujoco",
+    )
+    parser.add_argument(
+        "--sensors",
+        choices=SENSORS[1:],
+        default="proprioceptive",
+        help="how wrong its IMU and encoders are (%(default)s)",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of noise and bus")
+    parser.add_argument(
+        "--no-band",
+        action="store_true",
+        help="the band that sets it down does not lift it again",
+    )
+    parser.add_argument(
+        "--push",
+        type=command_line.velocity,
+        action="append",
+        metavar="P",
+        help="when, after it stands alone [s], how strong [m/s], and where to "
+        '[deg, 90 left], such as "2.0 0.5 90"; more than once',
+    )
+    parser.add_argument(
+        "--sticks",
+        type=command_line.velocity,
+        default=(0.0, 0.0, 0.0),
+        metavar="S",
+        help="of its remote control: forward, left, turn, each in [-1, 1]",
+    )
+    _bus_flags(parser)
+    return parser
+
+
+def _bus_flags(parser: command_line.CommandLine) -> None:
+    group = parser.add_argument_group("bus")
+    for name, unit in (
+        ("delay", "of each sample [s]"),
+        ("lost", "share of the samples, at random"),
+        ("late", "share of the samples, at random"),
+        ("late_by", "how late these are [s] (0.004)"),
+        ("silence", "length of one [s]"),
+        ("silent_at", "when, after it stands alone [s] (1)"),
+    ):
+        group.add_argument(f"--{name}", type=command_line.finite, help=unit)
+
+
+def _serving(args: argparse.Namespace) -> Serving:
+    require(args.lockstep >= 1.0, f"lockstep = {args.lockstep}: must be >= 1")
+    names = "delay", "lost", "late", "late_by", "silence", "silent_at"
+    faults = BusFaults()
+    for name in names:
+        if getattr(args, name) is not None:
+            setattr(faults, name, getattr(args, name))
+    check(faults)  # before anything is opened
+    robot = load_robot(args.robot)
+    limits = np.array(robot.control_plant().GetEffortUpperLimits())
+    simulated = SimulatedRobot(
+        robot,
+        load_sensors(args.sensors),
+        args.engine,
+        args.model,
+        catches=not args.no_band,
+        seed=args.seed,
+    )
+    return Serving(
+        simulated,
+        robot_wire(args.wire, robot, args.interface, args.domain),
+        damping=damping(np.zeros(len(joint_names(robot))), limits),
+        faults=faults,
+        pushes=args.push or [],
+        sticks=args.sticks,
+        slower=args.lockstep,
+        tell=command_line.say,
+    )
+
+
+def _report(serving: Serving) -> list[str]:
+    pose = serving.robot.pose
+    return [
+        f"stood alone for {serving.longest:.2f} s, falls {serving.falls}; "
+        f"pelvis at {pose[4]:.2f} {pose[5]:.2f} {pose[6]:.2f} m",
+        f"samples {serving.robot.samples}: lost {serving.bus.lost}, late "
+        f"{serving.bus.late}; commands refused {serving.listener.refused}",
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""LeRobot's caller finds what it asks for, and its drives do what we ask."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from nadia_balance.wire.lerobot import LeRobotController, lerobot_name
+from nadia_balance.wire.messages import JointCommand
+from nadia_balance.wire.process import Phase
+from nadia_balance.wire.unitree import JOINTS
+
+
+class FakeCaller:
+    """As LeRobot's UnitreeG1: one state, one call, one command a period."""
+
+    def __init__(self, controller) -> None:
+        self.controller = controller
+        self.motors = [
+            SimpleNamespace(q=0.0, dq=0.0, tau_est=0.0) for _ in range(35)
+        ]
+        self.imu = SimpleNamespace(
+            quaternion=[1.0, 0.0, 0.0, 0.0],
+            gyroscope=[0.0, 0.0, 0.0],
+            accelerometer=[0.0, 0.0, 9.81],
+            rpy=[0.0, 0.0, 0.0],
+        )
+
+    def step(self, **action: float):
+        """The torques of its drives (29,), and the targets by key."""
+        state = SimpleNamespace(
+            motor_state=self.motors,
+            imu_state=self.imu,
+            wireless_remote=bytes(40),
+            mode_machine=5,
+        )
+        targets = self.controller.run_step(action, state)
+        q = np.array([motor.q for motor in self.motors[:29]])
+        dq = np.array([motor.dq for motor in self.motors[:29]])
+        commanded = np.array([targets[lerobot_name(name)] for name in JOINTS])
+        kp, kd = self.controller.kp, self.controller.kd
+        return kp * (commanded - q) - kd * dq, targets
+
+
+@pytest.fixture(scope="module")
+def controller():
+    return LeRobotController()
+
+
+def test_has_the_names_and_shapes_of_its_socket(controller):
+    """Oracle: LeRobot's protocol and its enumeration of joints."""
+    assert controller.control_dt == 0.004
+    assert controller.kp.shape == controller.kd.shape == (29,)
+    keys = list(FakeCaller(controller).step()[1])
+    assert keys[:4] == [
+        "kLeftHipPitch.q",
+        "kLeftHipRoll.q",
+        "kLeftHipYaw.q",
+        "kLeftKnee.q",
+    ]
+    assert keys[12:16] == [
+        "kWaistYaw.q",
+        "kWaistRoll.q",
+        "kWaistPitch.q",
+        "kLeftShoulderPitch.q",
+    ]
+    assert keys[28] == "kRightWristYaw.q"
+
+
+def test_its_drives_give_the_torques_of_the_command(controller, monkeypatch):
+    """Oracle: the law of a JointCommand, in the order of the motors."""
+    caller, random = FakeCaller(controller), np.random.default_rng(0)
+    for motor in caller.motors:
+        motor.q, motor.dq = random.standard_normal(2)
+    sent = JointCommand(*random.random((5, 29)))
+    monkeypatch.setattr(controller._process, "hear", lambda _: sent)
+    q = np.array([motor.q for motor in caller.motors[:29]])
+    dq = np.array([motor.dq for motor in caller.motors[:29]])
+    expected = sent.tau + sent.kp * (sent.q - q) + sent.kd * (sent.dq - dq)
+    np.testing.assert_allclose(caller.step()[0], expected, atol=1e-12)
+
+
+def test_takes_the_posture_and_begins_anew_after_a_reset(controller):
+    """Oracle: the posture of standing, 2 s after either."""
+    caller = FakeCaller(controller)
+    for _ in range(2):
+        controller.reset()
+        _, first = caller.step()
+        assert max(map(abs, first.values())) < 1e-12
+        for _ in range(501):
+            _, targets = caller.step()
+        assert controller._process.phase is Phase.LOAD
+        assert targets["kLeftKnee.q"] == pytest.approx(0.669, abs=0.05)
+        assert targets["kLeftShoulderPitch.q"] == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_state_that_is_not_finite_damps(controller):
+    """Oracle: against each joint's speed, and nothing where it rests."""
+    caller = FakeCaller(controller)
+    controller.reset()
+    caller.motors[3].dq = 2.0
+    caller.imu.gyroscope = [np.nan, 0.0, 0.0]
+    torques, _ = caller.step()
+    assert torques[3] == pytest.approx(-0.03 * 111.0 * 2.0)
+    assert np.abs(np.delete(torques, 3)).max() < 1e-12
+
+
+def test_walks_by_its_remote_control(controller, monkeypatch):
+    """Oracle: LeRobot's axes: ly forward, lx to the right, rx clockwise."""
+    heard = []
+    monkeypatch.setattr(controller._process, "hear", heard.append)
+    axes = {"remote.ly": 0.5, "remote.lx": 0.25, "remote.rx": -1.0}
+    FakeCaller(controller).step(**axes, other=3.0)
+    np.testing.assert_array_equal(heard[0].sticks, [0.5, -0.25, 1.0])

@@ -1,0 +1,136 @@
+"""The loop on a wire that is a script, and a clock that is that wire's."""
+
+import numpy as np
+import pytest
+
+from nadia_balance.wire import loop
+from nadia_balance.wire.messages import RefusedError
+from nadia_balance.wire.process import Phase, RobotProcess
+from tests.wire.examples import BEARS, LIMITS, STANDING, FakeBalance, state
+
+DT = 0.002
+
+
+class Scripted:
+    """A robot: each entry is what one read gives, and how long it takes."""
+
+    def __init__(self, script) -> None:
+        self.script, self.now, self.sent, self.others = script, 100.0, [], 0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+    def read(self, timeout: float):
+        answer, delay = self.script.pop(0)
+        self.now += min(delay, timeout) if answer is None else delay
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def write(self, command) -> None:
+        self.sent.append(command)
+
+    def rivals(self) -> int:
+        return self.others
+
+    def close(self) -> None:
+        pass
+
+
+def ran(monkeypatch, script, slower=1.0, rival_after=None):
+    """The wire, the process, the delays and the lines after a script."""
+    wire, lines = Scripted(list(script)), []
+    monkeypatch.setattr(loop, "time", wire)
+    balance = FakeBalance()
+    balance.shares = np.array([0.5, 0.5])
+    process = RobotProcess(
+        balance, STANDING, LIMITS, BEARS, np.ones((2, 3)), tell=lines.append
+    )
+    process.start()
+
+    def each():
+        wire.others = int(
+            rival_after is not None and process.counts.ticks > rival_after
+        )
+        return bool(wire.script)
+
+    delays = loop.run(wire, process, each, slower=slower)
+    return wire, process, delays, lines
+
+
+def samples(count: int, begin: float = 0.0, delay: float = DT):
+    return [(state(begin + DT * i), delay) for i in range(1, count + 1)]
+
+
+def test_answers_each_sample_and_lets_go_at_the_end(monkeypatch):
+    """Oracle: by hand."""
+    wire, process, delays, _ = ran(monkeypatch, samples(1500))
+    assert len(wire.sent) == 1501
+    assert process.counts.ticks > 100
+    assert process.phase is Phase.DAMPING
+    assert not wire.sent[-1].tau.any()
+    assert (delays.late, delays.longest) == (0, pytest.approx(0.0, abs=1e-9))
+
+
+def test_a_silent_wire_lets_go_though_there_is_noise_on_it(monkeypatch):
+    """RefusedError messages are none: 50 ms after the last good one."""
+    noise = [(RefusedError("crc = 1: must be the checksum"), 0.01)] * 6
+    script = [*samples(1500), *noise, *[(None, 0.06)] * 10]
+    wire, process, _, lines = ran(monkeypatch, script)
+    assert wire.now >= 100.0 + 3.0 + 0.06 + 9 * 0.05  # it waits
+    assert process.counts.silences == 1
+    assert process.counts.refused == 6
+    assert "refused: crc = 1" in " ".join(lines)
+    assert lines[-1].endswith("damping: the robot is silent")
+
+
+def test_a_robot_in_lock_step_may_be_slow(monkeypatch):
+    """Oracle: 20 times 50 ms."""
+    script = [*samples(1500), (None, 0.9), *samples(10, begin=3.0)]
+    _, process, _, _ = ran(monkeypatch, script, slower=20.0)
+    assert process.counts.silences == 0
+
+
+def test_counts_answers_that_are_late(monkeypatch):
+    """Oracle: one that waits for 10.5 ms delays the next ones, too."""
+    slow = samples(1, begin=3.0, delay=0.0125)
+    script = [*samples(1500), *slow, *samples(20, begin=3.002, delay=0.001)]
+    _, process, delays, _ = ran(monkeypatch, script)
+    assert process.counts.silences == 0
+    assert delays.longest == pytest.approx(0.0105)
+    assert delays.late == 7  # 10.5, 9.5, ... 4.5 ms
+
+
+def test_lets_go_when_it_is_too_far_behind(monkeypatch):
+    """A command for a robot of 50 ms ago is none."""
+    script = samples(1500) + samples(60, begin=3.0, delay=0.0047)
+    _, _, _, lines = ran(monkeypatch, script)
+    (line,) = [line for line in lines if "behind" in line]
+    assert line.endswith("damping: 51 ms behind the robot")
+
+
+def test_lets_go_when_someone_else_commands(monkeypatch):
+    """Two who balance one robot do not."""
+    _, process, _, lines = ran(monkeypatch, samples(1500), rival_after=20)
+    assert process.counts.ticks < 30
+    assert lines[-1].endswith("another controller commands it")
+
+
+def test_does_not_begin_where_someone_else_commands(monkeypatch):
+    """Oracle: the error."""
+    wire = Scripted([])
+    monkeypatch.setattr(loop, "time", wire)
+    loop.refuse_rivals(wire)
+    assert not wire.sent
+    wire.others = 1
+    with pytest.raises(ValueError, match="must be the only one"):
+        loop.refuse_rivals(wire)
+
+
+def test_says_nothing_to_a_robot_that_was_never_heard(monkeypatch):
+    """Oracle: what is sent."""
+    wire, *_ = ran(monkeypatch, [(None, 0.06)] * 5)
+    assert not wire.sent
