@@ -244,6 +244,13 @@ class Scenario:
             else load_sensors(self.sensors).delay
         )
 
+    @property
+    def _estimates_foot_forces(self) -> bool:
+        return (
+            self.sensors != "perfect"
+            and load_sensors(self.sensors).foot_forces == "estimated"
+        )
+
     def start(self, model: PointMassModel) -> WalkingState:
         """Returns the walking state of the standing robot at the start.
 
@@ -404,6 +411,8 @@ class Scenario:
             yield "duration", f"be >= controller.{tick}"
         if self.sensors != "perfect" and errors.has_noise:
             yield "sensors", "be 'perfect' with noise in imperfections"
+        if self.fidelity == "ideal" and self._estimates_foot_forces:
+            yield "sensors", "measure foot forces if ideal: it has no drives"
         for name in ("friction_ratio", "torso_mass_ratio"):
             if self.engine == "mujoco" and getattr(errors, name) != 1.0:
                 yield f"imperfections.{name}", "be 1 with engine = mujoco"

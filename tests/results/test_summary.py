@@ -288,3 +288,15 @@ def test_a_limit_may_be_reached_and_not_passed(log, name, rows, value, reason):
     summary = summary_of(log)
     assert summary["recovered"] is not bool(reason)
     assert summary["reason"].startswith(reason)
+
+
+def test_torques_of_drives_step_by_what_is_usual_in_a_tick(log):
+    """Oracle: by hand: of the worst joint in each tick the median."""
+    limits, steps = log["effort_limits"], np.zeros((len(log["t"]), 2))
+    steps[1::2] = 0.03, 0.01  # of joints 2 and 5, in every other row
+    steps[:: len(steps) // 3, 0] = 0.9  # seldom
+    log["torques"][:] = 0.0
+    log["torques"][:, [2, 5]] = steps * limits[[2, 5]]
+    log["actuation"][1::2] = 0.5 * limits  # commands do not count
+    assert summary_of(log)["torque_step_ratio"] == pytest.approx(0.03)
+    assert summary_of(cut(log, 1))["torque_step_ratio"] is None

@@ -116,3 +116,20 @@ def test_springs_and_dampers_act_in_every_step(hardness):
     assert answer(system, context, "torques") == pytest.approx(
         expected, rel=1e-3, abs=1e-3
     )
+
+
+def test_gains_of_0_leave_torques_alone():
+    """Oracle: drives that are told torques alone, to the last bit."""
+    rng, nu = np.random.default_rng(8), LIMITS.size
+    torques, targets = (
+        2.0 * LIMITS * rng.normal(size=nu),
+        rng.normal(size=2 * nu),
+    )
+    command = np.concatenate((targets, torques, np.zeros(2 * nu)))
+    answers = []
+    for inputs in {"actuation": torques}, {"joint_command": command}:
+        system = JointDrives(PLANT, nadia())
+        simulator, context = running(system, state=standing_state(), **inputs)
+        simulator.AdvanceTo(0.003)
+        answers.append(answer(system, context, "torques").tolist())
+    assert answers[0] == answers[1]

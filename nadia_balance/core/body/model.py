@@ -159,10 +159,10 @@ class JointImpedanceParams:
     """
 
     stiffness: float = bounded(
-        0.0, doc="natural frequency of the stiffness", least=0.0, unit="1/s"
+        30.0, doc="natural frequency of the stiffness", least=0.0, unit="1/s"
     )
     damping: float = bounded(
-        0.0, doc="rate at which a deviation decays", least=0.0, unit="1/s"
+        60.0, doc="rate at which a deviation decays", least=0.0, unit="1/s"
     )
 
 

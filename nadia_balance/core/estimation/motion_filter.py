@@ -8,7 +8,7 @@ from nadia_balance.core.math.arrays import Array
 
 # Standard deviation of the accelerations that are expected, where nothing
 # unexpected happens [rad/s^2].
-ACCELERATION_ERROR = 1.2
+ACCELERATION_ERROR = 1.0
 LARGE = 3.0  # deviations of more standard deviations are no noise
 _CONVERGED = 2000  # steps of the covariance's recursion
 

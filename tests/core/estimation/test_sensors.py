@@ -1,5 +1,7 @@
 """Oracle: by hand."""
 
+from dataclasses import replace
+
 import pytest
 
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -24,12 +26,14 @@ def test_the_figures_are_of_the_data_sheets():
         found = load_sensors(name)
         assert found.gyro_noise == pytest.approx(gyro * 0.0174533, rel=5e-3)
         assert found.force_noise == pytest.approx(force * 9.81e-6, rel=5e-3)
-    assert set(SENSORS) == {
-        "perfect",
-        "consumer",
-        "industrial",
-        "proprioceptive",  # consumer, without sensors in the feet
-    }
+    names = {"perfect", "consumer", "industrial", "proprioceptive"}
+    assert set(SENSORS) == names
+
+
+def test_a_robot_without_sensors_in_its_feet_has_all_others():
+    """Oracle: the sensors with them."""
+    measured = replace(load_sensors("proprioceptive"), foot_forces="measured")
+    assert measured == load_sensors("consumer")
 
 
 @pytest.mark.parametrize(
@@ -43,6 +47,10 @@ def test_the_figures_are_of_the_data_sheets():
         (
             "{sensors: consumer, controller: {control_period: 0.003}}",
             "sensors = 'consumer': its delay = 0.004: must be a multiple",
+        ),
+        (
+            "{sensors: proprioceptive, fidelity: ideal}",
+            "sensors = 'proprioceptive': must measure foot forces if ideal",
         ),
     ],
 )
