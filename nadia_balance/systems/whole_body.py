@@ -17,7 +17,7 @@ from nadia_balance.core.whole_body.command import (
 )
 from nadia_balance.core.whole_body.limits import friction_after
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
-from nadia_balance.core.whole_body.qp import WholeBodyQp, WholeBodySolution
+from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import Task
 from nadia_balance.robot.kinematics import whole_body_model
 from nadia_balance.robot.model import RobotModel
@@ -85,7 +85,9 @@ class WholeBodyInverseDynamics(Block):
         self._model = whole_body_model(robot, plant, params)
         self._qp = WholeBodyQp(params, self._model, period, tasks=tasks)
         self._max_unsolved = round(GIVES_UP_AFTER / period)
-        self._joint_of_actuator = actuated_velocities(plant) - 6
+        self._driven = actuated_velocities(plant)
+        self._positions = self._driven + 1  # the base has a quaternion
+        self._joint_of_actuator = self._driven - 6
         inertia = self._model.inertia[self._joint_of_actuator]
         self._kp = inertia * (impedance.stiffness**2 if impedance else 0.0)
         self._kd = inertia * (impedance.damping if impedance else 0.0)
@@ -152,9 +154,10 @@ class WholeBodyInverseDynamics(Block):
             solution = self._qp.solve(terms, command, torques)
             status = last_status.after(solution.qp)
             if solution.qp.solved:
+                torques = solution.torques[self._joint_of_actuator]
                 return (
-                    solution.torques[self._joint_of_actuator],
-                    self._joint_command(terms, solution),
+                    torques,
+                    self._joint_command(terms, solution.vdot, torques),
                     solution.wrenches,
                     status,
                     solution.vdot,
@@ -162,9 +165,10 @@ class WholeBodyInverseDynamics(Block):
                     [0],
                 )
         torques = self._qp.damping_torques(terms, torques)
+        damping = torques[self._joint_of_actuator]
         return (
-            torques[self._joint_of_actuator],
-            self._damping_command(terms, torques),
+            damping,
+            self._damping_command(terms, damping),
             np.zeros(12),
             status,
             np.zeros(terms.v.size),
@@ -173,26 +177,24 @@ class WholeBodyInverseDynamics(Block):
         )
 
     def _joint_command(
-        self, terms: WholeBodyTerms, solution: WholeBodySolution
+        self, terms: WholeBodyTerms, vdot: Array, torques: Array
     ) -> Array:
-        """The joint command (5 nu,) of a solution.
+        """The joint command (5 nu,) of a solution, whose `torques` are (nu,).
 
         The positions of the terms are those when the torques act, too late by
-        the lag of the drives for the motion itself.
+        the lag of the drives for the motion itself.  What vdot adds to them in
+        half a period is nothing beside that: 0.2 mrad at 100 rad/s^2.
         """
-        i, h = self._joint_of_actuator, self._half
-        v, a = terms.v[6:][i], solution.vdot[6:][i]
-        q = terms.q[7:][i] - self._ahead * v + 0.5 * h * h * a
-        torques = solution.torques[i]
-        return np.concatenate((q, v + h * a, torques, self._kp, self._kd))
+        v = terms.v[self._driven]
+        q = terms.q[self._positions] - self._ahead * v
+        v = v + self._half * vdot[self._driven]
+        return np.concatenate((q, v, torques, self._kp, self._kd))
 
     def _damping_command(self, terms: WholeBodyTerms, torques: Array) -> Array:
         """That of a tick without a solution: joints at rest, where they are."""
-        i = self._joint_of_actuator
-        none = np.zeros(i.size)
-        return np.concatenate(
-            (terms.q[7:][i], none, torques[i], none, self._kd)
-        )
+        none = np.zeros(torques.size)
+        q = terms.q[self._positions]
+        return np.concatenate((q, none, torques, none, self._kd))
 
     def _icp_error(self, context: Context) -> Array:
         icp, reference = self._icp(context), self._icp_reference(context)
