@@ -187,8 +187,8 @@ class WholeBodyInverseDynamics(Block):
         """
         v = terms.v[self._driven]
         q = terms.q[self._positions] - self._ahead * v
-        v = v + self._half * vdot[self._driven]
-        return np.concatenate((q, v, torques, self._kp, self._kd))
+        ahead = v + self._half * vdot[self._driven]
+        return np.concatenate((q, ahead, torques, self._kp, self._kd))
 
     def _damping_command(self, terms: WholeBodyTerms, torques: Array) -> Array:
         """That of a tick without a solution: joints at rest, where they are."""
