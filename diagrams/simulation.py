@@ -5,7 +5,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -28,13 +28,12 @@ from nadia_balance.diagrams.verdict import (
 )
 from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import one_line
-from nadia_balance.policy_controller import PolicyController
-from nadia_balance.results.summary import Run
+from nadia_balance.policy.controller import PolicyController
+from nadia_balance.results.summary import SLOWEST, Run
 from nadia_balance.robot.model import load_robot
 
 PUSH = ("direction", "delta_v", "at", "shape")  # arguments of with_push
 WALKS_STEADILY = 8  # steps after which a policy does
-SLOWEST = 0.02  # command by which a policy steps in place [m/s]
 LONGEST = 86400.0  # simulation [s]
 
 
@@ -44,6 +43,7 @@ def closed_loop(
     controller: str | Path = "",
     meshcat: Meshcat | None = None,
     blocks: Mapping[str, str] | None = None,
+    contract: Sequence[str] = (),
 ) -> ClosedLoop:
     """Returns the diagram of a scenario.
 
@@ -55,6 +55,7 @@ def closed_loop(
         meshcat: where it is drawn, if given.
         blocks: `module:Class` by role: those that replace blocks of ours (see
             own_blocks.made).
+        contract: of a policy, files and fields (see policy.contract).
 
     Returns:
         A diagram that can be simulated.
@@ -73,21 +74,23 @@ def closed_loop(
             not blocks,
             f"controller = {str(controller)!r}: must not come with blocks",
         )
-        return _walked_by(
-            _controller(str(controller), scenario), scenario, meshcat
-        )
+        system = _controller(str(controller), scenario, contract)
+        return _walked_by(system, scenario, meshcat)
     if is_lipm:
         return LipmDiagram(scenario, meshcat, **systems)
     return HumanoidDiagram(scenario, meshcat, **systems)
 
 
-def _controller(name: str, scenario: Scenario) -> System:
+def _controller(
+    name: str, scenario: Scenario, contract: Sequence[str]
+) -> System:
     """The controller of an ONNX file, or of a class."""
     if own_blocks.names_class(name):
         period = scenario.controller.control_period
         systems = own_blocks.all_made({"controller": name}, scenario, period)
         return cast(System, systems["controller"])
-    return PolicyController(load_robot(scenario.robot, scenario.fidelity), name)
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    return PolicyController(robot, name, contract)
 
 
 def _walked_by(

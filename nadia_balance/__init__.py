@@ -55,10 +55,10 @@ if TYPE_CHECKING:
     from nadia_balance.engines.plants import (
         add_mujoco_plant as add_mujoco_plant,
     )
-    from nadia_balance.policy_controller import (
+    from nadia_balance.policy.controller import (
         PolicyController as PolicyController,
     )
-    from nadia_balance.policy_controller import PolicyParams as PolicyParams
+    from nadia_balance.policy.params import PolicyParams as PolicyParams
     from nadia_balance.robot.model import RobotModel as RobotModel
     from nadia_balance.robot.model import load_robot as load_robot
     from nadia_balance.robot.plants import add_ground as add_ground
@@ -159,8 +159,8 @@ _MODULES = {
     "Phase": "core.walking.state",
     "PointMassModel": "core.body.model",
     "PointMassPlant": "engines.plants",
-    "PolicyController": "policy_controller",
-    "PolicyParams": "policy_controller",
+    "PolicyController": "policy.controller",
+    "PolicyParams": "policy.params",
     "Push": "core.walking.push",
     "PushSource": "systems.push_source",
     "Region": "core.body.ground",

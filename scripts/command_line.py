@@ -35,6 +35,8 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.parameters.bounds import require
+from nadia_balance.policy.contract import Contract, is_text
+from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results import pages, story
 from nadia_balance.results.folder import new_folder
 from nadia_balance.results.summary import failure
@@ -328,6 +330,14 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
         "module:Class of a controller of yours",
     )
     group.add_argument(
+        "--contract",
+        action="append",
+        metavar="FILE",
+        help="what the policy was trained with, if no file beside it says so: "
+        "a deploy.yaml or a policy.yaml, or single fields, such as "
+        '"{action_scale: [0.5]}"; may come several times',
+    )
+    group.add_argument(
         "--block",
         action="append",
         metavar="ROLE=MODULE:CLASS",
@@ -448,13 +458,17 @@ def main_job(
                 controller_of(args),
                 meshcat,
                 blocks=own_blocks.parsed_blocks(args.block or ()),
+                contract=contract_of(args),
             )
+            contract = _contract(diagram)
             if not args.live:
                 simulator = simulation.start(diagram)
                 folder = stack.enter_context(
                     new_folder(args.out, args.scenario_name, pages.FILES)
                 )
         say(*(f"robot: {remark}" for remark in diagram.remarks()))
+        if contract:
+            say(*(f"policy: {line}" for line in contract.lines()))
         return (
             _live(diagram, cast(Meshcat, meshcat), args)
             if args.live
@@ -470,7 +484,7 @@ def _run(
 ) -> int:
     """Simulates, by chapters, prints and writes; returns the exit code."""
     diagram = cast(ClosedLoop, simulator.get_system())
-    scenario = diagram.scenario
+    scenario, contract = diagram.scenario, _contract(diagram)
     if meshcat is not None and args.open:
         webbrowser.open(meshcat.web_url())
     end = 0.0
@@ -498,6 +512,7 @@ def _run(
             summary,
             scenario.as_yaml(args.scenario_name),
             meshcat,
+            contract.as_yaml() if contract else "",
         )
     finally:
         say(*story.telling_lines(run.logs, summary))
@@ -528,6 +543,39 @@ def controller_of(args: argparse.Namespace) -> str:
         f"controller = {name!r}: must not come with plant = lipm or mechanisms",
     )
     return name if is_class else str(args.controller.resolve())
+
+
+def contract_of(args: argparse.Namespace) -> tuple[str, ...]:
+    """The files and fields of the contract of a policy.
+
+    Args:
+        args: those of scenario_flags.
+
+    Returns:
+        Absolute paths, and YAML in braces, in their order.
+
+    Raises:
+        ValueError: there is no policy.
+    """
+    given = args.contract or []
+    policy = args.controller is not None and not own_blocks.names_class(
+        str(args.controller)
+    )
+    require(
+        policy or not given,
+        f"contract = {', '.join(given)}: must come with the ONNX file of a "
+        "policy as --controller",
+    )
+    return tuple(
+        text if is_text(text) else str(Path(text).resolve()) for text in given
+    )
+
+
+def _contract(diagram: ClosedLoop) -> Contract | None:
+    controller = diagram.controller
+    if not isinstance(controller, PolicyController):
+        return None
+    return controller.contract
 
 
 def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:

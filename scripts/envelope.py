@@ -36,6 +36,7 @@ from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 from nadia_balance.sweep import limits, report, run_trial
+from nadia_balance.sweep.envelope import keep_contract
 from nadia_balance.sweep.search import SearchParams, Sweep
 from nadia_balance.sweep.trials import TRIALS, UNDECIDED, Rows
 
@@ -206,7 +207,7 @@ def carry_out(
             for cell in {
                 cell.scenario: cell for cell in sweep.cells()
             }.values():
-                sweep.build(cell, replica=0)
+                diagram = sweep.build(cell, replica=0)
             executor = stack.enter_context(
                 run_trial.open_workers(args.workers, args.scheduler)
             )
@@ -220,6 +221,7 @@ def carry_out(
             encoding="utf-8",
         )
         command_line.say(
+            *(f"policy: {line}" for line in keep_contract(folder, diagram)),
             f"{len(sweep.cells())} cells; {len(rows.all)} trials are there "
             "already",
             f"into {folder}",
@@ -293,6 +295,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
         },
         plant=args.plant,
         controller=controller,
+        contract=command_line.contract_of(args),
         blocks=parsed_blocks(args.block or ()),
         directions=directions(values),
         at=moments(values),

@@ -335,6 +335,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         scenarios=scenarios,
         plant=args.plant,
         controller=command_line.controller_of(args),
+        contract=command_line.contract_of(args),
         blocks=parsed_blocks(args.block or ()),
         directions=envelope.directions(values),
         at=envelope.moments(values),

@@ -24,7 +24,7 @@ FLOORS = (
     "core.plan",
     "core.feedback robot",
     "systems",
-    "balance_controller policy_controller engines view",
+    "balance_controller policy engines view",
     "results wire",
     "diagrams",
     "sweep",

@@ -28,7 +28,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.engines.plants import PointContacts
-from nadia_balance.policy_controller import PolicyController
+from nadia_balance.policy.controller import PolicyController
 from nadia_balance.systems.plan import FixedFootsteps, FootstepPlanner
 from nadia_balance.systems.push_source import ContactClock
 from nadia_balance.view.scene import start_meshcat

@@ -56,7 +56,7 @@ def test_a_run_reads_what_is_imported_and_nothing_else():
     assert not {file for file in files if file.startswith("tests/test_")}
     assert not {file for file in files if "/plots/" in file}
     front_door = {str(path) for path in reached("nadia_balance")}
-    assert "nadia_balance/policy_controller.py" in front_door
+    assert "nadia_balance/policy/controller.py" in front_door
     of_pages = {str(path) for path in reached("tests.test_docs")}
     assert front_door | {"docs/figures/reference.py"} < of_pages
 

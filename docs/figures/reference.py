@@ -30,6 +30,7 @@ from nadia_balance.diagrams.scenario import (
     scenario_names,
 )
 from nadia_balance.parameters.bounds import UNBOUNDED, meaning
+from nadia_balance.policy.params import ObservationTerm, PolicyParams
 from nadia_balance.results.log import _VIEWS
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
@@ -350,6 +351,13 @@ def page() -> str:
             *fields("pushes[].", Push()),
             *fields("commands[].", Command()),
             *fields("controller.icp_step_qp.", IcpStepQpParams()),
+        ),
+        "\n## Fields of a policy.yaml\n",
+        "The contract of a learned policy ([policy](policy.md)).\n",
+        *table(
+            ("field", "default", "must be", ""),
+            *fields("", PolicyParams()),
+            *fields("observation[].", ObservationTerm()),
         ),
         "\n## summary.json\n",
         "Null where it does not apply.\n",

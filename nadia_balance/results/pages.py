@@ -47,7 +47,15 @@ PLOTS: dict[str, Callable[[Log, dict[str, Any]], Figure | None]] = {
 }
 
 # All files that a run may write.
-FILES = ("replay.html", "log.npz", "summary.json", "scenario.yaml", *PLOTS)
+CONTRACT = "policy.yaml"  # of a policy
+FILES = (
+    "replay.html",
+    "log.npz",
+    "summary.json",
+    "scenario.yaml",
+    CONTRACT,
+    *PLOTS,
+)
 _PAGE, _REPLAY, _LIVE = (
     (Path(__file__).parent / f"{name}.html").read_text(encoding="utf-8")
     for name in ("page", "replay", "live")
@@ -73,6 +81,7 @@ def write_run(
     summary: dict[str, Any],
     scenario: str,
     meshcat: Meshcat | None = None,
+    contract: str = "",
 ) -> list[str]:
     """Writes the files of a run.
 
@@ -82,6 +91,7 @@ def write_run(
         summary: summary of the run.
         scenario: YAML text of the scenario.
         meshcat: where the run was recorded, if it was; for the replay.
+        contract: YAML text of that of a policy, if one walked.
 
     Returns:
         The names of the files.
@@ -98,6 +108,8 @@ def write_run(
             encoding="utf-8",
         )
         (drafts / "scenario.yaml").write_text(scenario, encoding="utf-8")
+        if contract:
+            (drafts / CONTRACT).write_text(contract, encoding="utf-8")
         write_plots(drafts, log, summary)
     return [name for name in FILES if (folder / name).exists()]
 

@@ -33,6 +33,7 @@ from nadia_balance.systems.whole_body import GIVES_UP_AFTER
 
 PATIENCE = 8  # largest number of steps of a recovery [-]
 PATIENCE_TIME = 5.0  # for a robot that stands to settle after a push [s]
+SLOWEST = 0.02  # command by which a policy steps in place [m/s], [rad/s]
 STEADY = 2.0  # time of steps at the end, to walk on without an ICP [s]
 EFFORT_MARGIN = 1e-6  # rounding tolerated above a torque limit [-]
 SPEED_MARGIN = 0.02  # overshoot tolerated above a joint's speed limit [-]
@@ -197,9 +198,13 @@ def _shortfall(run: Run) -> str:
 
 
 def _policy_shortfall(log: Log) -> str:
-    """The criterion without an ICP: it steps, if it is told to."""
+    """The criterion without an ICP: it steps, if it is told to walk.
+
+    Told to step in place, it may as well be held still.
+    """
     late = sum(time > log["t"][-1] - STEADY for time in landings(log))
-    if late > 1 or not log.get("velocity_command", np.zeros((1, 3)))[-1].any():
+    command = log.get("velocity_command", np.zeros((1, 3)))[-1]
+    if late > 1 or np.all(np.abs(command) <= SLOWEST):
         return ""
     return f"it did not step in the last {STEADY:g} s"
 

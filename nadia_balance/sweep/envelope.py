@@ -7,9 +7,12 @@ from typing import Any
 from dask.system import CPU_COUNT
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.own_blocks import name_of
 from nadia_balance.diagrams.scenario import AT, load_scenario
+from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results.folder import prepare_folder
+from nadia_balance.results.pages import CONTRACT
 from nadia_balance.sweep.limits import (
     LimitTable,
     check_beside,
@@ -31,6 +34,7 @@ def envelope(
     mechanisms: Sequence[str] = tuple(MECHANISMS)[-1:],
     blocks: Mapping[str, type | str | None] | None = None,
     controller: type | str = "",
+    contract: Sequence[str] = (),
     search: SearchParams | None = None,
     plant: str = "humanoid",
     beside: str | Path | None = None,
@@ -53,6 +57,7 @@ def envelope(
             out.
         controller: class of a controller, or path of a policy, in the place of
             ours.
+        contract: of a policy, files and fields in braces (docs/policy.md).
         search: resolution, strides and replicas; by default SearchParams().
         plant: "humanoid", or "lipm".
         beside: folder of another sweep, to compare with.
@@ -78,6 +83,7 @@ def envelope(
         scenarios={scenario: load_scenario(scenario, **changes)},
         plant=plant,
         controller=name,
+        contract=tuple(contract),
         blocks={role: name_of(kind) for role, kind in (blocks or {}).items()},
         directions=tuple(round(angle, 6) for angle in angles),
         at=(at,),
@@ -85,7 +91,7 @@ def envelope(
         search=search or SearchParams(),
     )
     sweep.validate()
-    sweep.build(sweep.cells()[0], replica=0)
+    diagram = sweep.build(sweep.cells()[0], replica=0)
     other = None if beside is None else Path(beside)
     if other is not None:
         check_beside(other, sweep.one.robot)
@@ -95,7 +101,30 @@ def envelope(
         open_workers(workers, scheduler) as executor,
         Rows.opened(folder, sweep.identity()) as rows,
     ):
+        keep_contract(folder, diagram)
         run_sweep(sweep, rows, executor)
         table = limit_table(rows, sweep.scenarios, other)
         write_report(table, rows)
     return table
+
+
+def keep_contract(folder: Path, diagram: ClosedLoop) -> list[str]:
+    """Writes the contract of a policy beside the rows of its trials.
+
+    Args:
+        folder: of the sweep.
+        diagram: of one of its trials.
+
+    Returns:
+        The contract for people, a line for each field; none without a policy.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    controller = diagram.controller
+    if not isinstance(controller, PolicyController):
+        return []
+    (folder / CONTRACT).write_text(
+        controller.contract.as_yaml(), encoding="utf-8"
+    )
+    return controller.contract.lines()

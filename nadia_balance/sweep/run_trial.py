@@ -179,7 +179,9 @@ def search(
     Raises:
         ValueError: this process has another code or robot than `identity`.
     """
-    present = of_process(sweep.one, sweep.controller, sweep.blocks)
+    present = of_process(
+        sweep.one, sweep.controller, sweep.blocks, sweep.contract
+    )
     for name, value in present.items():
         require(
             identity.get(name, value) == value,
@@ -220,6 +222,7 @@ def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:
         sweep.plant,
         sweep.controller,
         blocks=tuple(sweep.blocks.items()),
+        contract=sweep.contract,
         thread=threading.get_ident(),
     )
     try:
@@ -248,6 +251,7 @@ def _walked(
     plant: str,
     controller: str,
     blocks: tuple[tuple[str, str], ...],
+    contract: tuple[str, ...],
     thread: int,
 ) -> tuple[ClosedLoop, Context, Run]:
     """Diagram, Context and Run at the push; threads do not share diagrams."""
@@ -256,6 +260,7 @@ def _walked(
         plant,
         controller,
         blocks=dict(blocks),
+        contract=contract,
     )
     return diagram, *simulation.walk_to_push(diagram)
 

@@ -84,6 +84,7 @@ class Sweep:
         plant: humanoid, or lipm.
         controller: file of a policy, or `module:Class`, in the place of our
             controller.
+        contract: of a policy, files and fields (see policy.contract).
         blocks: `module:Class` by role, in the place of our blocks.
         directions: each in [0, 360) [deg].
         at: moments of the push, as Moment writes them.
@@ -95,6 +96,7 @@ class Sweep:
     scenarios: dict[str, Scenario]
     plant: str = "humanoid"
     controller: str = ""
+    contract: tuple[str, ...] = ()
     blocks: dict[str, str] = field(default_factory=dict)
     directions: tuple[float, ...] = (0.0,)
     at: tuple[str, ...] = (AT,)
@@ -170,6 +172,7 @@ class Sweep:
             self.plant,
             self.controller,
             blocks=self.blocks,
+            contract=self.contract,
         )
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
@@ -220,7 +223,7 @@ class Sweep:
             **asdict(self.search),
             "seed": self.one.seed,
             "parameters": digest(dump(walk).encode() for walk in walks),
-            **of_process(self.one, self.controller, self.blocks),
+            **of_process(self.one, self.controller, self.blocks, self.contract),
         }
 
 

@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO, cast
@@ -23,6 +23,7 @@ from nadia_balance.core.walking.push import Moment
 from nadia_balance.diagrams.own_blocks import NONE, file_of, names_class
 from nadia_balance.diagrams.scenario import STANDING, Scenario
 from nadia_balance.parameters.bounds import require
+from nadia_balance.policy.contract import contract_files, is_text
 from nadia_balance.results.folder import appearing, locked
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
@@ -299,6 +300,7 @@ def of_process(
     scenario: Scenario,
     controller: str = "",
     blocks: Mapping[str, str] | None = None,
+    contract: Sequence[str] = (),
 ) -> dict[str, str]:
     """What the rows of this process depend on, besides the sweep's parameters.
 
@@ -306,10 +308,11 @@ def of_process(
         scenario: one of the sweep.
         controller: path of a policy, `module:Class`, or "".
         blocks: `module:Class` by role.
+        contract: of a policy, files and fields.
 
     Returns:
-        The versions, and hashes of the robot's files, of the policy, and of
-        the files in which the user's classes are.
+        The versions, and hashes of the robot's files, of the policy and its
+        contract, and of the files in which the user's classes are.
 
     Raises:
         ValueError: there is no such class.
@@ -317,6 +320,8 @@ def of_process(
     hashes = {"robot_files": robot_hash(scenario.robot)}
     if controller:
         hashes["controller"] = _hashed(controller)
+        if not names_class(controller):
+            hashes |= _hashed_contract(controller, contract)
     for role, name in (blocks or {}).items():
         hashes[f"{BLOCK}{role}"] = _hashed(name)
     return versions(scenario.engine) | hashes
@@ -329,6 +334,16 @@ def _hashed(name: str) -> str:
     if names_class(name):
         return f"{name} {digest([file_of(name).read_bytes()])}"
     return f"{Path(name).name} {digest([Path(name).read_bytes()])}"
+
+
+def _hashed_contract(onnx: str, given: Sequence[str]) -> dict[str, str]:
+    """The hash of what a contract is read from besides the ONNX file."""
+    parts = contract_files(onnx, given)
+    texts = [
+        part.encode() if is_text(part) else Path(part).read_bytes()
+        for part in parts
+    ]
+    return {"contract": digest(texts)} if texts else {}
 
 
 def robot_hash(name: str) -> str:

@@ -10,7 +10,7 @@ from shapely.affinity import rotate, translate
 
 from nadia_balance.results.log import signal_view
 from nadia_balance.results.measurements import StandsWatch
-from tests.results.made_up_run import MASS, Recipe, cut, make_log, summary_of
+from tests.results.made_up_run import MASS, Recipe, T, cut, make_log, summary_of
 
 RESTLESS = "the ICP error did not stay below 0.05 m"
 SHORT = {"calm_steps": 2}
@@ -300,3 +300,24 @@ def test_torques_of_drives_step_by_what_is_usual_in_a_tick(log):
     log["actuation"][1::2] = 0.5 * limits  # commands do not count
     assert summary_of(log)["torque_step_ratio"] == pytest.approx(0.03)
     assert summary_of(cut(log, 1))["torque_step_ratio"] is None
+
+
+@pytest.mark.parametrize(
+    ("steps", "command", "outcome"),
+    [
+        (0, [0.0, 0.0, 0.0], "recovered"),
+        (0, [0.02, 0.0, 0.0], "recovered"),  # told to step in place
+        (0, [0.3, 0.0, 0.0], "failed"),
+        (0, [0.0, 0.0, -0.3], "failed"),
+        (6, [0.3, 0.0, 0.0], "recovered"),
+    ],
+)
+def test_a_policy_that_is_held_still_stands(steps, command, outcome):
+    """Oracle: what it is told, of a robot without an ICP that stays upright."""
+    log = make_log(Recipe(num_steps=steps, pushed_step=None, changed={}))
+    if steps:
+        log = cut(log, round(7.0 / T))  # it lands at 5.5 and 6.5 s
+    log["t"] = log["t"] * max(1.0, 3.0 / log["t"][-1])
+    del log["icp"], log["icp_reference"]
+    log["velocity_command"] = np.tile(command, (len(log["t"]), 1))
+    assert summary_of(log)["outcome"] == outcome

@@ -1,0 +1,1 @@
+"""Learned policies: their contracts, observations and controller."""
