@@ -34,7 +34,9 @@ class ErrorStepAdjuster(LeafSystem):
         output.set_value(step)
 
 
-scenario = nb.load_scenario("push", mechanisms="icp_only").with_push("outward")
-mine = ErrorStepAdjuster(nb.load_robot("nadia").point_mass)
-run = nb.simulate(nb.HumanoidDiagram(scenario, step_adjuster=mine), 5.5)
-print(run.fall_reason or "It keeps its feet.")
+if __name__ == "__main__":  # not in a sweep, which imports this file
+    scenario = nb.load_scenario("push", mechanisms="icp_only")
+    scenario = scenario.with_push("outward")
+    mine = ErrorStepAdjuster(nb.load_robot("nadia").point_mass)
+    run = nb.simulate(nb.HumanoidDiagram(scenario, step_adjuster=mine), 5.5)
+    print(run.fall_reason or "It keeps its feet.")

@@ -18,6 +18,7 @@ from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results.folder import appearing, new_folder
 from nadia_balance.results.log import _VIEWS, Log
 from nadia_balance.results.npz import read_npz
+from nadia_balance.results.versions import other_version
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.scripts import command_line
 
@@ -81,7 +82,7 @@ def read_run(run: Path) -> tuple[Log, dict[str, list[str]], RobotModel]:
     except (OSError, *command_line.BROKEN) as error:
         raise ValueError(
             f"run = {str(run)!r}: must be the folder of a run, with log.npz, "
-            f"scenario.yaml ({error})"
+            f"scenario.yaml ({error}{other_version(run)})"
         ) from None
 
 

@@ -9,6 +9,7 @@ import math
 import re
 import shlex
 import textwrap
+import tomllib
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -21,6 +22,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import nadia_balance as nb
 import reference
+from nadia_balance.diagrams.terrain import Terrain
 from nadia_balance.results.log import signal_view
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts import push, simulate
@@ -29,6 +31,7 @@ from nadia_balance.scripts.envelope import sweep_from
 from nadia_balance.sweep.search import SearchParams
 from nadia_balance.systems.signals import PHASES
 from tests import prose, run_cache
+from tests.policy import deploys
 from tests.results import made_up_run
 from tests.source_files import ROOT
 from tests.test_fuzz import leaves
@@ -270,6 +273,60 @@ def test_every_command_is_understood(monkeypatch):
         "json_schema",
         "progress",
     }
+
+
+def test_other_lines_of_a_console_are_those_of_this_checkout():
+    """Oracles: the targets of the Makefile, the extras of pyproject.toml."""
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    targets = {*re.findall(r"^([a-z]+):", makefile, re.MULTILINE)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    extras = {*project["project"]["optional-dependencies"]}
+    made, installed = set(), set()
+    for page in PAGES:
+        for block in blocks(page.read_text("utf-8"), "console"):
+            made |= {*re.findall(r"^\$ make (\w+)", block, re.MULTILINE)}
+            installed |= {*re.findall(r"nadia_balance\[(\w+)\]", block)}
+    assert {"push", "test", "site", "results", "policy"} <= made <= targets
+    assert {"docs", "robots"} <= installed <= extras
+
+
+def test_yaml_of_a_page_is_taken(tmp_path):
+    """Oracles: by hand; the commands, and a ramp of 0.1 over 1.
+
+    `height` is that of the plane at the mean of the corners.
+    """
+    pages = [
+        ROOT / "docs" / f"{name}.md" for name in ("command_line", "terrain")
+    ]
+    commands, regions = (
+        block
+        for page in pages
+        for block in blocks(page.read_text("utf-8"), "yaml")
+    )
+    scenario = nb.load_scenario("stand", text=commands)
+    told = [(c.time, c.forward, c.turn) for c in scenario.commands]
+    assert told == [(0.5, 0.3, 0.0), (7.0, 0.0, 0.4), (13.0, 0.0, 0.0)]
+    (tmp_path / "ramp.yaml").write_text(regions)
+    robot = nb.load_robot("nadia")
+    ground = Terrain(name=str(tmp_path / "ramp.yaml")).ground(
+        robot.sole, robot.params.size
+    )
+    floor, ramp = ground.regions
+    assert floor.heights(np.array([[-0.2, 0.0]])) == pytest.approx([0.0])
+    slope = ramp.heights(np.array([[1.25, 0.0], [2.0, 0.0]]))
+    assert slope == pytest.approx([0.1, 0.175])
+
+
+def test_a_policy_walks_by_three_lines(tmp_path):
+    """Oracle: the class of the controller, and the source of its gains."""
+    page = (ROOT / "docs" / "policy.md").read_text("utf-8")
+    (block,) = blocks(page, "python")
+    path, _, _ = deploys.write(tmp_path)
+    names = {}
+    exec(block, names)
+    controller = names["walking"](str(path)).controller
+    assert isinstance(controller, nb.PolicyController)
+    assert controller.contract.source("stiffness") == "deploy.yaml"
 
 
 def test_links_lead_somewhere():

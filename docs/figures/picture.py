@@ -29,6 +29,7 @@ from nadia_balance.palette import LEGEND
 from nadia_balance.parameters.bounds import bounded, check, parameters
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.log import pushes, steps
+from nadia_balance.results.versions import other_version
 from nadia_balance.scripts import command_line
 from nadia_balance.view.balance_visualizer import MIDDLE, REGIONS_PERIOD
 
@@ -208,7 +209,7 @@ def moments(run: Path, gif: bool = False) -> list[float]:
     except (BadZipFile, EOFError, KeyError, ValueError) as error:
         raise ValueError(
             f"run = {str(run)!r}: must have a whole log.npz and summary.json, "
-            f"as --times are not given ({error!r})"
+            f"as --times are not given ({error!r}{other_version(run)})"
         ) from error
     if not pushed:
         raise ValueError("times: must be given, without a push")

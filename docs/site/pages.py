@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 GUIDE, RESULTS = "docs/index", "docs/results/README"
 _EXAMPLE = re.compile(r"^\[.*\]\((\.\./examples/\w+\.py)\)$", re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]*)\]\(([\w./-]+)\)")
-_HTML = re.compile(r"\[([^\]]*)\]\((\w+\.html)\)")
+_HTML = re.compile(r"\[([^\]]*)\]\((?:docs/)?(\w+\.html)\)")
 _ENTRY = re.compile(r"^- \[.*?\]\(([\w./]+)\.(?:md|ipynb)\)", re.MULTILINE)
 
 
@@ -36,7 +36,8 @@ def complete(app: Sphinx, page: str, text: list[str]) -> None:
     def unlinked(link: re.Match[str]) -> str:
         return link[1] if (folder / link[2]).is_dir() else link[0]
 
-    text[0] = _HTML.sub(r'<a href="../\2">\1</a>', text[0])
+    top = "../" * page.count("/")
+    text[0] = _HTML.sub(rf'<a href="{top}\2">\1</a>', text[0])
     text[0] = _LINK.sub(unlinked, text[0])
     text[0] = _EXAMPLE.sub(
         r"\g<0>\n\n```{literalinclude} \1\n:language: python\n```", text[0]

@@ -1,6 +1,7 @@
 """The versions of all that determines a run, and the commit of this code."""
 
 import functools
+import json
 import platform
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
@@ -35,6 +36,27 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:  # run from a checkout
         return "not installed"
+
+
+def other_version(run: Path) -> str:
+    """Returns what to say of the folder of a run that cannot be read.
+
+    Args:
+        run: the folder.
+
+    Returns:
+        The versions of the code that wrote it, and of this code; "" if they are
+        one, or nobody knows.
+    """
+    try:
+        summary = json.loads((run / "summary.json").read_text("utf-8"))
+        written = summary["versions"]["nadia_balance"]
+    except (OSError, LookupError, TypeError, ValueError):
+        return ""
+    present = _version("nadia_balance")
+    if written == present:
+        return ""
+    return f"; nadia_balance {written} wrote it, this is {present}"
 
 
 @functools.cache  # of this process: the files may change later

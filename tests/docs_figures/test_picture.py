@@ -8,6 +8,7 @@ from PIL import Image
 from pydrake.geometry import Rgba, Sphere
 from pydrake.math import RigidTransform
 
+import nadia_balance as nb
 import picture
 from nadia_balance.palette import PUSH
 from nadia_balance.results.pages import start_recording, write_replay
@@ -27,6 +28,11 @@ def runs(tmp_path_factory):
     The robot is at x = 1 m/s t.
     """
     folder = tmp_path_factory.mktemp("runs")
+    (folder / "older").mkdir()
+    np.savez(folder / "older" / "log.npz", t=np.zeros(2))
+    (folder / "older" / "summary.json").write_text(
+        '{"versions": {"nadia_balance": "0.1.0"}}'
+    )
     for name, recipe in (
         ("pushed", Recipe()),
         ("calm", Recipe(pushed_step=None, changed={})),
@@ -154,6 +160,12 @@ def test_the_moments_are_those_of_a_push_and_what_came_of_it(runs):
         (["--times", "1", "--run", "half"], "run = 'half': must have a whole"),
         (["--run", "calm"], "times: must be given, without a push"),
         (["--run", "half"], "run = 'half': must have a whole log.npz"),
+        (
+            ["--run", "older"],
+            "run = 'older': must have a whole log.npz and summary.json, as "
+            "--times are not given (KeyError('push_signal'); nadia_balance "
+            f"0.1.0 wrote it, this is {nb.__version__})",
+        ),
     ],
 )
 def test_says_what_is_wrong_on_one_line(argv, message, runs, draw, monkeypatch):

@@ -121,6 +121,16 @@ def numbers(shape) -> list[float]:
             " (state has 1 columns)",
         ),
         (
+            lambda run: (
+                np.savez(run / "log.npz", t=[0.0], icp=np.eye(1)),
+                (run / "summary.json").write_text(
+                    '{"versions": {"nadia_balance": "0.1.0"}}'
+                ),
+            ),
+            "run = %r: must be the folder of a run, with log.npz, scenario.yaml"
+            " (icp has 1 columns; nadia_balance 0.1.0 wrote it, this is ",
+        ),
+        (
             lambda run: (run / "run.mcap").touch(),
             "out = %r: must be a folder without run.mcap",
         ),

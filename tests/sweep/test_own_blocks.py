@@ -30,7 +30,7 @@ from tests.source_files import ROOT
 
 PAGE = (ROOT / "docs" / "own_blocks.md").read_text("utf-8")
 EXAMPLE = (ROOT / "examples" / "own_block.py").read_text("utf-8")
-ADJUSTER = EXAMPLE.partition("scenario = ")[0]
+ADJUSTER = EXAMPLE.partition("if __name__")[0]
 CONTACTS = re.search(
     r"## A whole-body.*?```python\n(.*?)mine = ", PAGE, re.DOTALL
 )[1]
