@@ -34,6 +34,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import FootPose, Mode, Phase, Side
+from nadia_balance.parameters.bounds import require
 from nadia_balance.systems.push_source import BOUNCE, LOADED
 from nadia_balance.systems.signals import (
     MODES,
@@ -90,8 +91,14 @@ def signal_view(
     Returns:
         The namedview of the signal: its entries are arrays (n,), its parts
         (size, n); of one row they are numbers, and (size,).
+
+    Raises:
+        ValueError: the log is of another version of this package.
     """
-    return _VIEWS[name](log[name][rows].T)
+    view, columns = _VIEWS[name], log[name].shape[-1]
+    size = len(view.get_fields())
+    require(columns == size, f"{name} = {columns} columns: must be {size}")
+    return view(log[name][rows].T)
 
 
 def foot_part(view: Any, side: Side) -> Any:

@@ -8,7 +8,6 @@ from PIL import Image
 from pydrake.geometry import Rgba, Sphere
 from pydrake.math import RigidTransform
 
-import nadia_balance as nb
 import picture
 from nadia_balance.palette import PUSH
 from nadia_balance.results.pages import start_recording, write_replay
@@ -29,7 +28,9 @@ def runs(tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("runs")
     (folder / "older").mkdir()
-    np.savez(folder / "older" / "log.npz", t=np.zeros(2))
+    older = make_log()
+    older["push_signal"] = older["push_signal"][:, 1:]
+    np.savez(folder / "older" / "log.npz", **older)
     (folder / "older" / "summary.json").write_text(
         '{"versions": {"nadia_balance": "0.1.0"}}'
     )
@@ -163,8 +164,7 @@ def test_the_moments_are_those_of_a_push_and_what_came_of_it(runs):
         (
             ["--run", "older"],
             "run = 'older': must have a whole log.npz and summary.json, as "
-            "--times are not given (KeyError('push_signal'); nadia_balance "
-            f"0.1.0 wrote it, this is {nb.__version__})",
+            "--times are not given (ValueError('push_signal = ",
         ),
     ],
 )
