@@ -27,8 +27,7 @@ class ErrorStepAdjuster(LeafSystem):
             if abs(error).max() > 0.03 and time > 0.1:  # [m], [s]
                 side, feet = step.nominal.side, state.schedule.feet
                 area = reachability.in_world(self.base, feet[side.other], side)
-                # The error grows by exp(omega t) (Nadia paper, Eq. 3).
-                error = lipm.icp_after(error, 0.0 * error, self.w, time)
+                error = lipm.icp_after(error, 0 * error, self.w, time)  # Eq. 3
                 p_W = [*polygon.project(step.pose.p_WF[:2] + error, area), 0]
                 step = nb.Adjustment(step.nominal, nb.FootPose(p_W))
         output.set_value(step)
@@ -36,7 +35,6 @@ class ErrorStepAdjuster(LeafSystem):
 
 if __name__ == "__main__":  # not in a sweep, which imports this file
     scenario = nb.load_scenario("push", mechanisms="icp_only")
-    scenario = scenario.with_push("outward")
     mine = ErrorStepAdjuster(nb.load_robot("nadia").point_mass)
-    run = nb.simulate(nb.HumanoidDiagram(scenario, step_adjuster=mine), 5.5)
-    print(run.fall_reason or "It keeps its feet.")
+    loop = nb.HumanoidDiagram(scenario.with_push("outward"), step_adjuster=mine)
+    print(nb.simulate(loop, 5.5).fall_reason or "It keeps its feet.")
