@@ -23,14 +23,22 @@ def versions(engine: str = "drake") -> dict[str, str]:
     return {
         "python": platform.python_version(),
         **{
-            package: _version(package)
+            package: version_of(package)
             for package in ("nadia_balance", "drake", "daqp", "numpy", engine)
         },
         **({"commit": commit} if commit else {}),
     }
 
 
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """Returns the version of a package.
+
+    Args:
+        package: its name.
+
+    Returns:
+        Its version, "not installed" if there is none.
+    """
     try:
         return version(package)
     except PackageNotFoundError:  # run from a checkout

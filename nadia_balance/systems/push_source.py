@@ -81,7 +81,7 @@ class PushSource(Block):
     .. pydrake_system::
 
         name: PushSource
-        input_ports: [walking_state, live_push, state]
+        input_ports: [walking_state, live_push]
         output_ports: [push_force, push_signal, spatial_forces]
     """
 
