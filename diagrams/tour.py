@@ -478,14 +478,17 @@ def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
     if run.fell_at is not None:
         outcome = "fell"
     report = score.report(fell_at)
+    errors = {
+        "position_error_cm": report["pos_err_cm"],
+        "yaw_error_deg": report["yaw_err_deg"],
+    }
     return {
         "outcome": outcome,
         "survival_s": run.simulated_time,
         "upright_s": score.upright_until or run.simulated_time,
         "reason": run.error or score.reason,
         "waypoints": report["targets"],
-        "position_error_cm": report["pos_err_cm"],
-        "yaw_error_deg": report["yaw_err_deg"],
+        **(errors if report["targets"] else dict.fromkeys(errors)),
         "power_w": mean_power(run.logs),
     }
 

@@ -1,6 +1,5 @@
 """Runs of the G1 league's tour, in parallel; a row of tours.csv for each."""
 
-import math
 from collections.abc import Callable
 from concurrent import futures
 from contextlib import AbstractContextManager
@@ -238,7 +237,6 @@ def summary(rows: TourRows, stage: str) -> list[str]:
 
     def mean(name: str) -> str:
         values = [row[name] for row in own if row[name] is not None]
-        values = [value for value in values if math.isfinite(value)]
         return f"{sum(values) / len(values):.1f}" if values else "-"
 
     return [

@@ -72,7 +72,12 @@ class WaypointFollower(Block):
             "predicted_state",
             robot.control_plant().num_multibody_states(),
         )
-        declare_output(self, "velocity_command", self._calc)
+        declare_output(
+            self,
+            "velocity_command",
+            self._calc,
+            needs=[self.all_input_ports_ticket(), self.time_ticket()],
+        )
 
     def _calc(self, context: Context) -> Array:
         number = bisect_right(self._times, context.get_time())
