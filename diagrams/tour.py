@@ -469,10 +469,13 @@ def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
 
     Raises:
         ValueError: as tour_scenario.
+        RuntimeError: it was interrupted.
     """
     diagram = TourDiagram(scenario, stage, seed)
     score = Score(diagram, seed)
     run = advance(start(diagram), diagram.scenario.duration, until=score)
+    if run.interrupted:
+        raise RuntimeError(f"{stage}, seed {seed}: interrupted")
     outcome = "error" if run.error else "complete"
     fell_at = run.simulated_time if run.error else run.fell_at
     if run.fell_at is not None:

@@ -232,16 +232,16 @@ def summary(rows: TourRows, stage: str) -> list[str]:
         The cells: runs, share completed, mean time of survival, and means of
         the errors and of the power.
     """
-    own = [row for row in rows.all if row["stage"] == stage]
-    complete = sum(row["outcome"] == "complete" for row in own)
+    runs = [row for row in rows.all if row["stage"] == stage]
+    complete = sum(row["outcome"] == "complete" for row in runs)
 
     def mean(name: str) -> str:
-        values = [row[name] for row in own if row[name] is not None]
+        values = [row[name] for row in runs if row[name] is not None]
         return f"{sum(values) / len(values):.1f}" if values else "-"
 
     return [
         stage,
-        f"{complete} of {len(own)}",
+        f"{complete} of {len(runs)}",
         *map(mean, RESULT[:2]),
         *map(mean, RESULT[3:]),
     ]

@@ -119,9 +119,9 @@ def velocity_to(
     """
     x, y = place.to_sole(np.array(waypoint[1:3]) - lead).tolist()
     yaw = math.remainder(waypoint.yaw - place.yaw, math.tau)
-    most = params.leaving if stands else 1.0
-    if math.hypot(x, y) < most * params.distance and abs(yaw) < (
-        most * math.radians(params.turn_deg)
+    factor = params.leaving if stands else 1.0
+    if math.hypot(x, y) < factor * params.distance and abs(yaw) < (
+        factor * math.radians(params.turn_deg)
     ):
         return np.zeros(3)
     velocity = np.array([x, 0.5 * y, yaw]) / params.settling_time
