@@ -94,7 +94,7 @@ class SwingDetourParams:
         doc="deceleration of the descent to the touchdown velocity",
     )
     settling: float = bounded(
-        0.01,
+        0.02,
         least=0.0,
         most=0.2,
         unit="s",

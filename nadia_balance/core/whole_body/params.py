@@ -162,7 +162,7 @@ class WholeBodyQpParams:
         unit="m^2",
     )
     swing_early_share: float = bounded(
-        0.3,
+        0.1,
         doc="share of swing_orientation_weight until the last part of a swing",
         above=0.0,
         most=1.0,
