@@ -89,7 +89,8 @@ class HumanoidDiagram(ClosedLoop):
             sources: systems whose output of that name is connected to the
                 controller's input; by default `velocity_command` is the
                 scenario's, or the user's if there is Meshcat and the scenario
-                has no commands.
+                has no commands.  That of `joint_command` stands between
+                controller and drives (see GivenJoints).
             **blocks: those of the BalanceController, or its `tasks`.
 
         Raises:
@@ -250,7 +251,10 @@ class HumanoidDiagram(ClosedLoop):
     ) -> None:
         engine, controller = self.engine, self.controller
         connect(builder, engine, self.sensor, "contact_results")
-        self._drive(builder)
+        if self.push.HasInputPort("state"):
+            connect(builder, engine, self.push, "state")
+        sources = dict(sources)
+        self._drive(builder, sources.pop("joint_command", None))
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
@@ -279,17 +283,25 @@ class HumanoidDiagram(ClosedLoop):
             )
         self._command = self._connect_sources(builder, controller, sources)
 
-    def _drive(self, builder: DiagramBuilder) -> None:
-        """Connects the commanded torques to the engine, through its drives."""
+    def _drive(self, builder: DiagramBuilder, others: System | None) -> None:
+        """Connects the commanded torques to the engine, through its drives.
+
+        Between them are the `others`, who command some joints.
+        """
         self._torques = self.controller.GetOutputPort("actuation")
         self._drives = None
+        commander = self.controller
+        if others is not None:
+            builder.AddNamedSystem("given_joints", others)
+            connect(builder, commander, others, "joint_command")
+            commander = others
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
             builder.AddNamedSystem("joint_drives", self._drives)
             command = "actuation"
-            if self.controller.HasOutputPort("joint_command"):
+            if commander.HasOutputPort("joint_command"):
                 command = "joint_command"
-            connect(builder, self.controller, self._drives, command)
+            connect(builder, commander, self._drives, command)
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
         builder.Connect(self._torques, self.engine.GetInputPort("actuation"))

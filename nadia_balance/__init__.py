@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from nadia_balance.core.plan.gait import Gait as Gait
     from nadia_balance.core.plan.gait import StepVector as StepVector
     from nadia_balance.core.plan.gait import walking_start as walking_start
+    from nadia_balance.core.plan.waypoints import Waypoint as Waypoint
     from nadia_balance.core.walking.mechanisms import MECHANISMS as MECHANISMS
     from nadia_balance.core.walking.mechanisms import Mechanisms as Mechanisms
     from nadia_balance.core.walking.push import Push as Push
@@ -78,6 +79,8 @@ if TYPE_CHECKING:
     from nadia_balance.systems.foot_forces import (
         FootForceEstimator as FootForceEstimator,
     )
+    from nadia_balance.systems.given_joints import GivenJoints as GivenJoints
+    from nadia_balance.systems.given_joints import GivenMotion as GivenMotion
     from nadia_balance.systems.hardware import (
         FootForceSensor as FootForceSensor,
     )
@@ -103,6 +106,9 @@ if TYPE_CHECKING:
         CaptureRegionStepAdjuster as CaptureRegionStepAdjuster,
     )
     from nadia_balance.systems.steps import SwingFootPlanner as SwingFootPlanner
+    from nadia_balance.systems.waypoints import (
+        WaypointFollower as WaypointFollower,
+    )
     from nadia_balance.systems.whole_body import (
         FrictionEstimator as FrictionEstimator,
     )
@@ -141,6 +147,8 @@ _MODULES = {
     "FootstepPlannerParams": "core.plan.footstep_plan",
     "FrictionEstimator": "systems.whole_body",
     "Gait": "core.plan.gait",
+    "GivenJoints": "systems.given_joints",
+    "GivenMotion": "systems.given_joints",
     "Ground": "core.body.ground",
     "HumanoidDiagram": "diagrams.humanoid",
     "IcpPlanner": "systems.plan",
@@ -177,6 +185,8 @@ _MODULES = {
     "VelocityCommands": "systems.plan",
     "WalkingState": "core.walking.state",
     "WalkingStateMachine": "systems.plan",
+    "Waypoint": "core.plan.waypoints",
+    "WaypointFollower": "systems.waypoints",
     "WholeBodyInverseDynamics": "systems.whole_body",
     "add_ground": "robot.plants",
     "add_mujoco_plant": "engines.plants",

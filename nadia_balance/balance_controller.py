@@ -431,7 +431,10 @@ class BalanceController(Diagram):
                 robot, period, delay=delay, lead=lead, sensors=sensors
             ),
             "centroidal_estimator": lambda: CentroidalEstimator(
-                robot, params.whole_body.avoidance, lead
+                robot,
+                params.whole_body.avoidance,
+                lead,
+                given=params.whole_body.given_joints,
             ),
             "capture_point_controller": lambda: CapturePointController(
                 params, model, start=start, **planners

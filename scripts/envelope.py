@@ -38,6 +38,7 @@ from nadia_balance.scripts import command_line
 from nadia_balance.sweep import limits, report, run_trial
 from nadia_balance.sweep.envelope import keep_contract
 from nadia_balance.sweep.search import SearchParams, Sweep
+from nadia_balance.sweep.tour import Tour
 from nadia_balance.sweep.trials import TRIALS, UNDECIDED, Rows
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
@@ -186,8 +187,9 @@ def carry_out(
     parser: command_line.CommandLine,
     args: argparse.Namespace,
     argv: list[str] | None,
-    sweep: Sweep,
-    report: Callable[[Rows], int],
+    sweep: Sweep | Tour,
+    report: Callable[[Any], int],
+    run: Callable[..., bool] = run_trial.run_sweep,
 ) -> int:
     """Runs a sweep, and its report, also after an error or Ctrl-C.
 
@@ -197,22 +199,19 @@ def carry_out(
         argv: the command line, for its file; None: that of the process.
         sweep: what is run.
         report: writes what follows from the rows; returns an exit code.
+        run: makes the trials that the rows lack.
 
     Returns:
         The exit code: that of `report` if the sweep is complete.
     """
     with contextlib.ExitStack() as stack:
         with parser.refusing():
-            # Building a diagram checks the robot and the blocks, too.
-            for cell in {
-                cell.scenario: cell for cell in sweep.cells()
-            }.values():
-                diagram = sweep.build(cell, replica=0)
+            diagram = sweep.try_out()
             executor = stack.enter_context(
                 run_trial.open_workers(args.workers, args.scheduler)
             )
             folder = prepare_folder(args.out)
-            rows = stack.enter_context(Rows.opened(folder, sweep.identity()))
+            rows = stack.enter_context(sweep.opened(folder))
         command = [parser.prog, *(sys.argv[1:] if argv is None else argv)]
         with open(folder / COMMAND, "a", encoding="utf-8") as file:
             file.write(f"{shlex.join(command)}\n")
@@ -228,7 +227,7 @@ def carry_out(
         )
         code, stopped = command_line.DONE, stack.enter_context(until_ctrl_c())
         try:
-            if not run_trial.run_sweep(sweep, rows, executor, stopped):
+            if not run(sweep, rows, executor, stopped):
                 code = command_line.INTERRUPTED
         except RuntimeError as error:
             command_line.complain(parser.prog, error)

@@ -24,13 +24,16 @@ from nadia_balance.balance_controller import (
 )
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
+from nadia_balance.core.plan.waypoints import Waypoint
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.engines.plants import PointContacts
 from nadia_balance.policy.controller import PolicyController
+from nadia_balance.systems.given_joints import GivenJoints
 from nadia_balance.systems.plan import FixedFootsteps, FootstepPlanner
 from nadia_balance.systems.push_source import ContactClock
+from nadia_balance.systems.waypoints import WaypointFollower
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix
 from tests.diagrams.simulated import EARLY
@@ -74,6 +77,7 @@ FEEDTHROUGH = {
     "FrictionEstimator": {"friction": ""},  # one tick late
     "IcpStepController": dict.fromkeys((*STEPS, *QP, REFERENCE), STEP_CONTROL),
     "IcpPlanner": dict.fromkeys(("icp_plan", "icp_reference"), "walking_state"),
+    "GivenJoints": {"joint_command": "joint_command"},
     "Imu": {"imu": "state"},
     "JointEncoders": {"joints": "state"},
     "StateEstimator": dict.fromkeys(
@@ -102,6 +106,9 @@ FEEDTHROUGH = {
     "TimingAdapter": {"time_adjustment": TIME_ADJUSTMENT},
     "SwingFootPlanner": {"swing_foot_reference": "walking_state"},
     "VelocityCommands": {"velocity_command": ""},
+    "WaypointFollower": {
+        "velocity_command": "walking_state foot_poses com_state predicted_state"
+    },
     "WalkingStateMachine": {"walking_state": "", "walking_signal": ""},
     "WholeBodyInverseDynamics": dict.fromkeys(WHOLE_BODY, JOINT_CONTROL),
 }
@@ -167,6 +174,12 @@ def systems(diagrams, tmp_path_factory) -> dict[type, System]:
         PolicyController: PolicyController(ROBOT, policy),
         ContactClock: ContactClock(1.0, 0.004),
         FootstepPlanner: FootstepPlanner(FootstepPlannerParams(), MODEL, 0.004),
+        GivenJoints: GivenJoints({}, ROBOT.control_plant()),
+        WaypointFollower: WaypointFollower(
+            [Waypoint(0.0, 1.0, 0.0, 0.0)],
+            ROBOT,
+            np.outer([-1.0, 1.0], np.ones(3)),
+        ),
     }
     for diagram in diagrams:
         for system in systems_in(diagram):

@@ -41,6 +41,7 @@ SCRIPTS = (
     "simulate",
     "envelope",
     "single_pushes",
+    "tour",
     "estimate",
     "new_robot",
     "benchmark",

@@ -24,14 +24,22 @@ def versions(engine: str = "drake") -> dict[str, str]:
     return {
         "python": platform.python_version(),
         **{
-            package: _version(package)
+            package: version_of(package)
             for package in ("nadia_balance", "drake", "daqp", "numpy", engine)
         },
         **({"commit": commit} if commit else {}),
     }
 
 
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """Returns the version of a package.
+
+    Args:
+        package: its name.
+
+    Returns:
+        Its version, "not installed" if there is none.
+    """
     try:
         return version(package)
     except PackageNotFoundError:  # run from a checkout
@@ -53,7 +61,7 @@ def other_version(run: Path) -> str:
         written = summary["versions"]["nadia_balance"]
     except (OSError, LookupError, TypeError, ValueError):
         return ""
-    present = _version("nadia_balance")
+    present = version_of("nadia_balance")
     if written == present:
         return ""
     return f"; nadia_balance {written} wrote it, this is {present}"

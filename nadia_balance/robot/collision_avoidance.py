@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Collection
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +14,7 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable
+from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, RigidBody
 from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
@@ -52,6 +53,7 @@ class CollisionAvoidance:
         robot: the robot.
         plant: of the robot alone, finalized.
         scene: with its shapes.
+        given: joints that somebody else moves, whose links do not count.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class CollisionAvoidance:
         robot: RobotModel,
         plant: MultibodyPlant,
         scene: SceneGraph,
+        given: Collection[str] = (),
     ) -> None:
         self._params = params
         self._plant = plant
@@ -67,7 +70,12 @@ class CollisionAvoidance:
         none = np.empty((0, plant.num_velocities() + 1))
         self._nothing = Avoidance(limits=none, braking=none)
         inspector = scene.model_inspector()
-        candidates = sorted(inspector.GetCollisionCandidates())
+        others = _moved_by(plant, given)
+        candidates = [
+            pair
+            for pair in sorted(inspector.GetCollisionCandidates())
+            if not others & {_body(inspector, plant, id).index() for id in pair}
+        ]
         self._shapes = {
             shape: _Shape(inspector, plant, shape)
             for shape in itertools.chain.from_iterable(candidates)
@@ -199,7 +207,7 @@ class _Shape:
 
         They mean something if the shape is a capsule or a sphere.
         """
-        self.body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+        self.body = _body(inspector, plant, shape)
         self.X_BG = inspector.GetPoseInFrame(shape)
         form = inspector.GetShape(shape)
         self.is_round = isinstance(form, Capsule | Sphere)
@@ -210,6 +218,21 @@ class _Shape:
         if isinstance(form, Capsule):
             self.axis = form.length() * self.X_BG.rotation().matrix()[:, 2]
         self.begin = self.X_BG.translation() - 0.5 * self.axis
+
+
+def _body(
+    inspector: SceneGraphInspector, plant: MultibodyPlant, shape: GeometryId
+) -> RigidBody:
+    return plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+
+
+def _moved_by(plant: MultibodyPlant, names: Collection[str]) -> set[BodyIndex]:
+    """The bodies moved by joints of these names."""
+    moved: set[BodyIndex] = set()
+    for name in names:
+        joint = plant.GetJointByName(name).index()
+        moved |= set(plant.GetBodiesKinematicallyAffectedBy([joint]))
+    return moved
 
 
 def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:

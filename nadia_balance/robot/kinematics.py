@@ -233,6 +233,10 @@ def whole_body_model(
         is_leg_joint=is_leg_joint,
         inertia=_apparent_inertia(plant, posture),
         drives=robot.drives,
+        given=tuple(
+            _joint_number(plant, f"given_joints: {joint}", joint)
+            for joint in params.given_joints
+        ),
     )
 
 
@@ -245,12 +249,15 @@ def _by_joint(
     """The `values` (nj,) of a field, and those of `others`."""
     vector = np.full(plant.num_velocities() - 6, others)
     for joint, value in values.items():
-        require(
-            plant.HasJointNamed(joint),
-            f"{field}.{joint} = {value}: the robot has no such joint",
-        )
-        vector[plant.GetJointByName(joint).velocity_start() - 6] = value
+        named = f"{field}.{joint} = {value}"
+        vector[_joint_number(plant, named, joint)] = value
     return vector
+
+
+def _joint_number(plant: MultibodyPlant, named: str, joint: str) -> int:
+    """The joint's place among all; ValueError `named`: there is no such."""
+    require(plant.HasJointNamed(joint), f"{named}: the robot has no such joint")
+    return int(plant.GetJointByName(joint).velocity_start()) - 6
 
 
 def _apparent_inertia(plant: MultibodyPlant, posture: Array) -> Array:

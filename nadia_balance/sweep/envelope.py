@@ -22,7 +22,6 @@ from nadia_balance.sweep.limits import (
 from nadia_balance.sweep.report import write_report
 from nadia_balance.sweep.run_trial import open_workers, run_sweep
 from nadia_balance.sweep.search import SearchParams, Sweep
-from nadia_balance.sweep.trials import Rows
 
 
 def envelope(
@@ -99,7 +98,7 @@ def envelope(
     folder = prepare_folder(Path(out))
     with (
         open_workers(workers, scheduler) as executor,
-        Rows.opened(folder, sweep.identity()) as rows,
+        sweep.opened(folder) as rows,
     ):
         keep_contract(folder, diagram)
         run_sweep(sweep, rows, executor)

@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent import futures
 from typing import Any, cast
 
@@ -134,9 +134,32 @@ def run_sweep(
         )
         for cell in sweep.cells()
     }
+    return collect(running, rows, stopped, "limit")
+
+
+def collect(
+    running: "set[futures.Future[list[Row]]]",
+    rows: Rows,
+    stopped: Callable[[], bool],
+    unit: str,
+) -> bool:
+    """Adds the rows of tasks as they end.
+
+    Args:
+        running: the tasks.
+        rows: opened; those of the tasks are added to them.
+        stopped: once it returns True, running tasks are abandoned.
+        unit: what a task makes, for the bar.
+
+    Returns:
+        True if all was done.
+
+    Raises:
+        RuntimeError: a worker fails.
+    """
     with tqdm(
         total=len(running),
-        unit="limit",
+        unit=unit,
         mininterval=0.5 if sys.stderr.isatty() else 30.0,
     ) as bar:
         while running and not stopped():
@@ -182,12 +205,7 @@ def search(
     present = of_process(
         sweep.one, sweep.controller, sweep.blocks, sweep.contract
     )
-    for name, value in present.items():
-        require(
-            identity.get(name, value) == value,
-            f"{name} = {value}: must be {identity.get(name)}, as when the "
-            "sweep began",
-        )
+    check_process(identity, present)
     results: Results = {}
     rows = []
     while batch := sweep.attempts(cell, results):
@@ -197,6 +215,24 @@ def search(
                 earlier |= results_of(rows[-1:])
             results[attempt] = earlier[attempt]
     return rows
+
+
+def check_process(identity: Identity, present: Mapping[str, str]) -> None:
+    """Checks that a worker has the code with which a sweep began.
+
+    Args:
+        identity: what all trials share.
+        present: what the rows of this process depend on (see of_process).
+
+    Raises:
+        ValueError: this process has another code or robot than `identity`.
+    """
+    for name, value in present.items():
+        require(
+            identity.get(name, value) == value,
+            f"{name} = {value}: must be {identity.get(name)}, as when the "
+            "sweep began",
+        )
 
 
 def run_trial(sweep: Sweep, cell: Cell, delta_v: float, replica: int) -> Row:

@@ -10,7 +10,9 @@ import itertools
 import math
 from bisect import bisect_left
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from nadia_balance.core.walking.mechanisms import MECHANISMS
@@ -23,6 +25,7 @@ from nadia_balance.sweep.trials import (
     Cell,
     Identity,
     Results,
+    Rows,
     Trial,
     digest,
     of_process,
@@ -174,6 +177,30 @@ class Sweep:
             blocks=self.blocks,
             contract=self.contract,
         )
+
+    def try_out(self) -> ClosedLoop:
+        """Builds a diagram of each scenario: that checks robot and blocks.
+
+        Returns:
+            The last one.
+
+        Raises:
+            ValueError: a block cannot be made, or does not fit.
+        """
+        for cell in {cell.scenario: cell for cell in self.cells()}.values():
+            diagram = self.build(cell, replica=0)
+        return diagram
+
+    def opened(self, folder: Path) -> AbstractContextManager[Rows]:
+        """Opens the rows of this sweep, see Rows.opened.
+
+        Args:
+            folder: of the sweep.
+
+        Returns:
+            What yields the rows.
+        """
+        return Rows.opened(folder, self.identity())
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
         """The scenario of a trial, with a zero push.

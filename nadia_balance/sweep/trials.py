@@ -14,7 +14,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO, cast
+from typing import Any, ClassVar, NamedTuple, Self, TextIO, cast
 
 from pydrake.common.yaml import yaml_dump_typed
 
@@ -100,7 +100,7 @@ DIGITS = 4  # significant ones: what a measured number is worth [-]
 
 KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
 COLUMNS = (*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push")
-_TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
+_TEXTS = ("stage", "scenario", "at", "mechanisms", "outcome", "reason")
 
 
 def with_digits(row: Row, columns: Iterable[str]) -> Row:
@@ -150,6 +150,12 @@ class Rows:
         file: for `add`.
     """
 
+    FILE: ClassVar[str] = TRIALS
+    KEY: ClassVar[tuple[str, ...]] = KEY  # unique, and the order of rows
+    COLUMNS: ClassVar[tuple[str, ...]] = COLUMNS
+    MEASURED: ClassVar[tuple[str, ...]] = FROM_SUMMARY
+    IDENTITY: ClassVar[tuple[str, ...]] = IDENTITY
+
     folder: Path
     identity: Identity
     all: list[Row]
@@ -164,10 +170,10 @@ class Rows:
         Raises:
             OSError: it cannot be written.
         """
-        row = with_digits({n: row.get(n) for n in COLUMNS}, FROM_SUMMARY)
+        row = with_digits({n: row.get(n) for n in self.COLUMNS}, self.MEASURED)
         row["reason"] = " ".join((row["reason"] or "").split())
         file = cast(TextIO, self.file)
-        csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row)
+        csv.DictWriter(file, self.COLUMNS, lineterminator="\n").writerow(row)
         file.flush()
         os.fsync(file.fileno())
         self.all.append(row)
@@ -184,7 +190,7 @@ class Rows:
         return cells
 
     @classmethod
-    def read(cls, folder: Path) -> "Rows":
+    def read(cls, folder: Path) -> Self:
         """Reads the rows in a folder.
 
         Args:
@@ -196,20 +202,18 @@ class Rows:
         Raises:
             ValueError: there are none, or of another program.
         """
-        path = folder / TRIALS
+        path = folder / cls.FILE
         try:
             text = path.read_text(encoding="utf-8")
             first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
             identity = json.loads(first.removeprefix("# "))
-            require({*IDENTITY} <= {*identity}, "its first line is of no sweep")
-            rows = [
-                _parsed(line) for line in csv.DictReader(io.StringIO(lines))
-            ]
             require(
-                {row["scenario"] for row in rows}
-                <= {*identity["scenario"].split(",")},
-                "a scenario is not of the first line",
+                {*cls.IDENTITY} <= {*identity}, "its first line is of no sweep"
             )
+            rows = [
+                cls.parsed(line, identity)
+                for line in csv.DictReader(io.StringIO(lines))
+            ]
             return cls(folder, identity, rows)
         except (
             OSError,
@@ -220,12 +224,13 @@ class Rows:
             csv.Error,
         ) as error:
             raise ValueError(
-                f"trials = {path}: must be rows of this program ({error})"
+                f"{cls.FILE.removesuffix('.csv')} = {path}: must be rows of "
+                f"this program ({error})"
             ) from None
 
     @classmethod
     @contextlib.contextmanager
-    def opened(cls, folder: Path, identity: Identity) -> Iterator["Rows"]:
+    def opened(cls, folder: Path, identity: Identity) -> Iterator[Self]:
         """Opens the rows in a folder, to be added to; creates them if need be.
 
         At the end they are sorted, whatever the order of the trials.
@@ -242,7 +247,7 @@ class Rows:
                 has the folder.
             OSError: they cannot be written.
         """
-        path = folder / TRIALS
+        path = folder / cls.FILE
         with locked(folder):
             rows = (
                 cls.read(folder) if path.exists() else cls(folder, identity, [])
@@ -261,38 +266,73 @@ class Rows:
 
     def _write(self) -> None:
         """Writes the whole file, or nothing."""
-        self.all.sort(key=lambda row: [row[name] for name in KEY])
+        self.all.sort(key=lambda row: [row[name] for name in self.KEY])
         with (
             appearing(self.folder) as drafts,
-            open(drafts / TRIALS, "w", encoding="utf-8", newline="") as file,
+            open(drafts / self.FILE, "w", encoding="utf-8", newline="") as file,
         ):
             file.write(f"# {json.dumps(self.identity)}\n")
-            lines = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+            lines = csv.DictWriter(file, self.COLUMNS, lineterminator="\n")
             lines.writeheader()
             lines.writerows(self.all)
 
+    @classmethod
+    def parsed(cls, line: dict[str, str], identity: Identity) -> Row:
+        """The row of a line.
 
-def _parsed(line: dict[str, str]) -> Row:
+        Args:
+            line: texts, by column.
+            identity: that of the first line.
+
+        Returns:
+            The row.
+
+        Raises:
+            ValueError: it is of no trial of this sweep.
+        """
+        row = numbers(line)
+        require(
+            tuple(line) == cls.COLUMNS
+            and row["outcome"] in OUTCOMES
+            and row["mechanisms"] in NAMED
+            and 0.0 <= row["delta_v"] <= MOST
+            and 0.0 <= row["direction_deg"] <= 360.0
+            and row["replica"] >= 0,
+            f"{', '.join(map(str, line.values()))}: is no trial",
+        )
+        if row["at"] != STANDING:
+            Moment.parse(row["at"])
+        require(
+            row["scenario"] in identity["scenario"].split(","),
+            "a scenario is not of the first line",
+        )
+        return row
+
+
+def numbers(line: dict[str, str]) -> Row:
+    """The values of a line's texts.
+
+    Args:
+        line: texts, by column.
+
+    Returns:
+        Numbers, and what is a text.
+
+    Raises:
+        ValueError: a number is none.
+    """
     row: Row = {
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
     require(
-        tuple(line) == COLUMNS
-        and row["outcome"] in OUTCOMES
-        and row["mechanisms"] in NAMED
-        and all(
+        all(
             type(value) in (int, float, type(None))
             for name, value in row.items()
             if name not in _TEXTS
-        )
-        and 0.0 <= row["delta_v"] <= MOST
-        and 0.0 <= row["direction_deg"] <= 360.0
-        and row["replica"] >= 0,
+        ),
         f"{', '.join(map(str, line.values()))}: is no trial",
     )
-    if row["at"] != STANDING:
-        Moment.parse(row["at"])
     return row
 
 

@@ -40,6 +40,7 @@ STOOD = 2.0  # a transfer of as many times its last duration is standing [-]
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
 BOUNCE = 0.06  # shortest swing that is measured [s]
 # "Ticks left" of a push that has not begun: before its phase, and within it.
+_LIVE = Push(at="0 s", delta_v=0.0)  # a push like the live one
 _PENDING = -1.0
 _EXPECTED = -2.0
 
@@ -62,7 +63,9 @@ class PushSource(Block):
     force [N]]; the last three entries are the last count, the number of live
     pushes, and the duration of the last one in ticks.  The update of a tick
     starts a push; a discrete plant applies its force from the next step on.
-    `spatial_forces` exists only with a plant.
+    `spatial_forces` exists only with a plant.  A push in the `frame` of a body
+    turns with it from tick to tick; the plant's `state`, [q, v], is an input
+    only with such pushes.
 
     Args:
         pushes: the pushes, which act once each.
@@ -125,14 +128,22 @@ class PushSource(Block):
         self.DeclareStateOutputPort("push_force", self._force)
         self.DeclareStateOutputPort("push_signal", self._signal)
         self._applies = plant is not None
+        self._frames: dict[int, RigidBody] = {}  # by the number of a push
         if plant is not None:
             self._declare_spatial(plant, base_body)
+            self._declare_frames(plant)
+        else:
+            for push in pushes:
+                require(
+                    not push.frame,
+                    f"frame = {push.frame!r}: must be empty without links",
+                )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _declare_spatial(self, plant: MultibodyPlant, base_body: str) -> None:
         """Declares `spatial_forces`, at first none, on bodies of the plant."""
         self._bodies = []
-        for push in [*self._pushes, Push(at="0 s")]:  # the last one is live
+        for push in [*self._pushes, _LIVE]:
             body = find_body(plant, push.body or base_body)
             self._bodies.append(
                 (body.index(), push.point or body.default_com())
@@ -141,6 +152,18 @@ class PushSource(Block):
         forces.set_value([])
         self._spatial = self.DeclareAbstractState(forces)
         self.DeclareStateOutputPort("spatial_forces", self._spatial)
+
+    def _declare_frames(self, plant: MultibodyPlant) -> None:
+        """Declares the input that tells how the bodies of frames turn."""
+        self._frames = {
+            i: find_body(plant, push.frame, "frame")
+            for i, push in enumerate(self._pushes)
+            if push.frame
+        }
+        if self._frames:
+            size = plant.num_multibody_states()
+            self._state = input_port(self, "state", size)
+            self._plant, self._poses = plant, plant.CreateDefaultContext()
 
     def set_push(
         self, context: Context, delta_v: float, direction_deg: float
@@ -195,13 +218,17 @@ class PushSource(Block):
             self._take_live(context, live=live, row=rows[-1])
         memory = [*itertools.chain(*rows), *live]
         if memory != before:
-            self._remember(state, rows=rows, live=live)
+            self._remember(context, state, rows=rows, live=live)
 
     def _remember(
-        self, state: State, rows: list[list[float]], live: list[float]
+        self,
+        context: Context,
+        state: State,
+        rows: list[list[float]],
+        live: list[float],
     ) -> None:
         """Sets the state: its memory, and the outputs that follow from it."""
-        active = self._active(rows, live_ticks=round(live[2]))
+        active = self._active(context, rows, live_ticks=round(live[2]))
         values: Any = state.get_mutable_discrete_state()
         values.set_value(self._memory, [*itertools.chain(*rows), *live])
         values.set_value(
@@ -252,7 +279,8 @@ class PushSource(Block):
         due = push.is_due(context.get_time(), walking_state, self.period)
         in_phase = push.is_in_phase(walking_state)
         if due or in_phase:
-            row[:2] = _EXPECTED, _yaw(walking_state)
+            yaw = 0.0 if push.frame else _yaw(walking_state)
+            row[:2] = _EXPECTED, yaw
         if due or row[0] == _EXPECTED and not in_phase:  # due, or phase over
             newtons, direction_deg = context.get_numeric_parameter(i).value()
             row[:] = (
@@ -262,7 +290,7 @@ class PushSource(Block):
             )
 
     def _active(
-        self, rows: list[list[float]], live_ticks: int
+        self, context: Context, rows: list[list[float]], live_ticks: int
     ) -> list[tuple[int, int, Array]]:
         """Index, ticks passed and force (3,) [N] in W of the active pushes."""
         active: list[tuple[int, int, Array]] = []
@@ -271,9 +299,20 @@ class PushSource(Block):
         for i, (left, heading, newtons) in enumerate(rows):
             if 0.0 < left <= len(shares[i]):  # more ticks left: in its delay
                 passed = len(shares[i]) - round(left)
-                along = np.array([math.cos(heading), math.sin(heading), 0.0])
+                along = self._along(context, i, heading)
                 active.append((i, passed, newtons * shares[i][passed] * along))
         return active
+
+    def _along(self, context: Context, i: int, heading: float) -> Array:
+        """The direction (3,) in W of push `i`."""
+        if i == len(self._pushes):
+            return _LIVE.along(heading)
+        along = self._pushes[i].along(heading)
+        if i not in self._frames:
+            return along
+        self._plant.SetPositionsAndVelocities(self._poses, self._state(context))
+        X_WB = self._plant.EvalBodyPoseInWorld(self._poses, self._frames[i])
+        return np.asarray(X_WB.rotation() @ along)
 
     def _told(
         self,
@@ -386,12 +425,15 @@ def _yaw(state: WalkingState | None) -> float:
     return state.schedule.feet[state.schedule.support_side].yaw
 
 
-def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
+def find_body(
+    plant: MultibodyPlant, name: str, field: str = "body"
+) -> RigidBody:
     """The body of a plant.
 
     Args:
         plant: the plant.
         name: name of the body.
+        field: which has the name.
 
     Returns:
         The body.
@@ -401,6 +443,6 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     """
     require(
         name != "world" and plant.HasBodyNamed(name),
-        f"body = {name!r}: must be a body of the robot",
+        f"{field} = {name!r}: must be a body of the robot",
     )
     return plant.GetBodyByName(name)

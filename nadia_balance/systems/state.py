@@ -1,6 +1,7 @@
 """The state that the controller acts on: predicted, and what follows."""
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -219,6 +220,8 @@ class CentroidalEstimator(Block):
         avoidance: which links the terms keep apart; None: none.
         lead: by which the positions of the state are ahead of its
             velocities [s] (see StatePredictor).
+        given: joints that somebody else moves: the terms do not keep their
+            links apart.
 
     .. pydrake_system::
 
@@ -232,6 +235,7 @@ class CentroidalEstimator(Block):
         robot: RobotModel,
         avoidance: CollisionAvoidanceParams | None = None,
         lead: float = 0.0,
+        given: Collection[str] = (),
     ) -> None:
         super().__init__()
         # A private plant for the terms and the distances of the shapes.
@@ -241,7 +245,9 @@ class CentroidalEstimator(Block):
         self._avoidance = (
             None
             if avoidance is None
-            else CollisionAvoidance(avoidance, robot, plant, scene_graph)
+            else CollisionAvoidance(
+                avoidance, robot, plant, scene=scene_graph, given=given
+            )
         )
         self._omega = robot.point_mass.omega
         self._height = robot.com_height

@@ -258,3 +258,31 @@ def test_links_are_kept_apart():
     least = -25.0 * (2.0 * speed + 25.0 * 0.01)
     assert kept.qp.solved and towards @ free.vdot < least
     assert towards @ kept.vdot == pytest.approx(least, rel=1e-3)
+
+
+def test_links_of_somebody_else_s_joints_do_not_count():
+    """Oracle: those below its shoulder, which touch the trunk, and no others.
+
+    The other arm touches it as much.
+    """
+    robot = load_robot("g1")
+    diagram, plant, scene = robot.control_diagram()
+    root = diagram.CreateDefaultContext()
+    context = plant.GetMyMutableContextFromRoot(root)
+    plant.SetPositions(context, robot.standing_positions())
+    for side, sign in ("left", 1.0), ("right", -1.0):
+        roll = plant.GetJointByName(f"{side}_shoulder_roll_joint")
+        roll.set_angle(context, -0.1 * sign)
+    columns = {
+        side: [
+            plant.GetJointByName(f"{side}_{name}_joint").velocity_start()
+            for name in ("shoulder_pitch", "shoulder_roll", "elbow")
+        ]
+        for side in ("left", "right")
+    }
+    for given, near in ((), {"left", "right"}), (["left"], {"right"}):
+        names = [f"{side}_shoulder_pitch_joint" for side in given]
+        links = CollisionAvoidance(PARAMS, robot, plant, scene, names)
+        _, rows = links.distances(context)
+        moving = {s for s, at in columns.items() if rows[:, at].any()}
+        assert moving == near

@@ -156,6 +156,8 @@ def pushed_body(pushes, time, live=(0.0, 0.0, 0.0, 0.1)):
     )
     assert not source.HasAnyDirectFeedthrough()
     connect(builder, source, plant, spatial_forces="applied_spatial_force")
+    if source.HasInputPort("state"):
+        connect(builder, plant, source, "state")
     for name in "walking_state", "live_push":
         builder.ExportInput(source.GetInputPort(name), name)
     simulator, root = running(
@@ -191,6 +193,53 @@ def test_a_push_at_a_point_turns_the_body():
     impulse = 40.0 * PERIOD * np.array([math.cos(YAW), math.sin(YAW), 0.0])
     turn = np.cross(point - P_BoBcm_B, impulse)
     assert H.rotational() == pytest.approx(turn, rel=1e-3, abs=1e-6)
+
+
+def test_a_push_in_the_frame_of_a_body_turns_with_it():
+    """Oracle: a push along an axis through the CoM, in the body's frame, of a
+    body that spins about W's z: the velocity is the integral of R(w t) f / m.
+    """
+    up, time, spin = 30.0, 0.2, 4.0
+    push = Push(
+        force=MASS,
+        at="0 s",
+        duration=time,
+        direction_deg=20.0,
+        elevation_deg=up,
+        frame="base",
+    )
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(free_body())
+    source = builder.AddSystem(
+        PushSource([push], MASS, PERIOD, plant, base_body="base")
+    )
+    connect(builder, source, plant, spatial_forces="applied_spatial_force")
+    connect(builder, plant, source, "state")
+    builder.ExportInput(source.GetInputPort("walking_state"), "walking_state")
+    simulator, root = running(builder.Build(), walking_state=RIGHT_SWING)
+    context = plant.GetMyMutableContextFromRoot(root)
+    w = np.array([0.0, 0.0, spin])
+    plant.SetVelocities(context, [*w, *np.cross(w, -P_BoBcm_B)])
+    simulator.AdvanceTo(time + 5.0 * PERIOD)
+    v = plant.CalcCenterOfMassTranslationalVelocityInWorld(context)
+    begin, end = math.radians(20.0), math.radians(20.0) + spin * time
+    level = math.cos(math.radians(up)) / spin
+    expected = [
+        level * (math.sin(end) - math.sin(begin)),
+        level * (math.cos(begin) - math.cos(end)),
+        math.sin(math.radians(up)) * time,
+    ]
+    # A tick turns the body by half a degree.
+    assert v == pytest.approx(expected, abs=2e-3)
+
+
+def test_without_links_there_is_no_frame():
+    push = Push(force=1.0, at="0 s", frame="base")
+    with pytest.raises(ValueError, match="^frame = 'base': must be empty"):
+        PushSource([push], MASS, PERIOD)
+    with pytest.raises(ValueError, match="^frame = 'tail': must be a body"):
+        push = replace(push, frame="tail")
+        PushSource([push], MASS, PERIOD, free_body(), base_body="base")
 
 
 def test_the_signal_says_which_push_acts_and_how_many_are_to_come():

@@ -1,6 +1,7 @@
 """A push: its force, direction and time."""
 
 import functools
+import math
 import re
 from dataclasses import dataclass
 
@@ -80,10 +81,10 @@ SHAPES = RECTANGLE, HALF_SINE, RAMP, SINE = (
 
 @parameters
 class Push:
-    """A horizontal force on one body.
+    """A force on one body.
 
     Either `delta_v` or `force` is given.  The direction is relative to the
-    heading of the support foot when the push begins.
+    heading of the support foot when the push begins, or to a `frame`.
     """
 
     body: str = bounded(
@@ -121,6 +122,17 @@ class Push:
         least=-3600.0,
         most=3600.0,
         doc="direction: 0 forward, 90 left, in degrees",
+    )
+    elevation_deg: float = bounded(
+        0.0,
+        least=-90.0,
+        most=90.0,
+        doc="its angle above the horizontal plane: 90 up, in degrees",
+    )
+    frame: str = bounded(
+        "",
+        doc="body in whose frame the direction is, and with which it turns; "
+        "empty: that of the support foot, level, when the push begins",
     )
     at: str = bounded(
         "", doc='begin, such as "right swing 25 %" or "2.5 s" (see Moment)'
@@ -166,6 +178,25 @@ class Push:
                 f"+-{MOST_POINT:g} m"
             )
         Moment.parse(self.at)
+
+    def along(self, heading: float) -> Array:
+        """The unit vector of the force, in the frame of the heading.
+
+        Args:
+            heading: angle of its horizontal part [rad].
+
+        Returns:
+            The vector (3,) [-].
+        """
+        elevation = math.radians(self.elevation_deg)
+        level = math.cos(elevation)
+        return np.array(
+            [
+                level * math.cos(heading),
+                level * math.sin(heading),
+                math.sin(elevation),
+            ]
+        )
 
     def shares(self, period: float) -> Array:
         """The shape: force over peak force, at the middle of each tick.

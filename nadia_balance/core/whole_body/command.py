@@ -52,6 +52,7 @@ class WholeBodyModel:
         is_leg_joint: whether it is one (nj,).
         inertia: apparent inertia of each in the air (nj,) [kg m^2].
         drives: without, torques have no speed or rate limits.
+        given: joints that somebody else moves, their numbers.
     """
 
     mass: float
@@ -67,6 +68,7 @@ class WholeBodyModel:
     is_leg_joint: NDArray[np.bool_]
     inertia: Array
     drives: JointDriveParams | None = None
+    given: tuple[int, ...] = ()
 
     @property
     def num_joints(self) -> int:

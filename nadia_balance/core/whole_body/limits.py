@@ -67,6 +67,7 @@ _TINY = 1e-9  # a smaller tilt has no direction [rad]
 _LOADED = 0.2  # share of the weight below which slips are ignored [-]
 _LESS = 0.9  # new estimate over the friction used in a slip [-]
 _SIGNS = np.array([[-1.0], [1.0]])
+_ANY = np.inf * _SIGNS
 
 
 class WholeBodyLimits:
@@ -94,6 +95,7 @@ class WholeBodyLimits:
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
         self._trunk_rows = slice(2 * n, 2 * n + 2)
         self.num_soft = n + 2
+        self._given = list(model.given)
         self._slack_costs = np.array(
             [_JOINT_SLACK] * n + [_TILT_SLACK] * 2 + [_RATE_SLACK]
         )
@@ -162,6 +164,10 @@ class WholeBodyLimits:
             out=bounds[:, self.torque_rows],
         )
         self._braking(terms, out=bounds[:, self._joint_rows])
+        if self._given:
+            # Their motion is given: vdot = 0, whatever torque that takes.
+            bounds[:, self.torque_rows][:, self._given] = _ANY
+            bounds[:, self._joint_rows][:, self._given] = 0.0
         self._upright(terms, C=C, lower=bounds[0])
         cone = command.friction * self._cone_slope
         cone += self._cone_rest

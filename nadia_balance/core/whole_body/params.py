@@ -307,6 +307,11 @@ class WholeBodyQpParams:
         dict,
         doc="upper limits by joint, in radians, tighter than those of the URDF",
     )
+    given_joints: list[str] = bounded(
+        list,
+        doc="joints that belong to somebody else: the QP expects them to move "
+        "on at the speed that they have, at any torque",
+    )
     joint_limit_horizon: float = bounded(
         0.1, doc="horizon of the joint position limits", above=0.0, unit="s"
     )

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from nadia_balance.core.whole_body.limits import (
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from nadia_balance.core.whole_body.tasks import Motion
+from nadia_balance.robot.kinematics import whole_body_model
 from tests.qp_examples import by_quadprog, with_slack
 from tests.whole_body_examples import (
     CONTACTS,
@@ -112,6 +114,36 @@ def test_keeps_to_the_torque_limits():
     )
     used = np.abs(solution.torques) / (ratio * limits)
     assert used.max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_joints_of_somebody_else_s_move_on_as_they_do():
+    """Oracle: vdot is given, 0, at any torque; the posture would move them.
+
+    Without it the elbow is accelerated, and no torque is beyond its limit.
+    """
+    name = "LEFT_ELBOW_Y"
+    params = WholeBodyQpParams(given_joints=[name])
+    robot = whole_body_model(nadia(), kinematics().plant, params)
+    joint = kinematics().plant.GetJointByName(name)
+    i = joint.velocity_start()
+    assert robot.given == (i - 6,)
+    state = standing_state()
+    state[joint.position_start()] += 0.4
+    weak = np.where(np.arange(robot.num_joints) == i - 6, 1e-4, 1.0)
+    for given in robot, replace(robot, given=()):
+        weakened = replace(given, max_torque=weak * given.max_torque)
+        terms = terms_at(state)
+        solution = WholeBodyQp(params, weakened, PERIOD).solve(
+            terms, command(terms)
+        )
+        assert solution.qp.solved
+        ratio = abs(solution.torques[i - 6]) / weakened.max_torque[i - 6]
+        if given.given:
+            assert solution.vdot[i] == pytest.approx(0.0, abs=1e-7)
+            assert ratio > 10.0
+        else:
+            assert abs(solution.vdot[i]) > 1.0
+            assert ratio < 1.0 + 1e-6
 
 
 def knee_at(speed: float):

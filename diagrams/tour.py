@@ -1,0 +1,509 @@
+"""The tour of the G1 league, with our controller.
+
+The task of teleop-walking-benchmark (September 2026), whose random streams are
+those of the wheel `gaitkeeper`: its run n is run n here.  Waypoints of 5 s
+each; the arms belong to somebody else, who holds or moves them; every 5 s a
+punch at a random link.  A crane holds the robot before; it has fallen when its
+pelvis is below 0.2 m.
+"""
+
+import importlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context
+
+from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.plan.footstep_plan import velocity_limits
+from nadia_balance.core.plan.waypoints import Waypoint
+from nadia_balance.core.walking.push import Push
+from nadia_balance.core.walking.state import FootPose
+from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.diagrams.simulation import advance, start
+from nadia_balance.parameters.bounds import require
+from nadia_balance.robot.model import RobotModel, load_robot
+from nadia_balance.robot.plants import actuators
+from nadia_balance.systems.given_joints import GivenJoints, GivenMotion
+from nadia_balance.systems.signals import read
+from nadia_balance.systems.waypoints import WaypointFollower
+
+WHEEL = "gaitkeeper"
+# The holding servo of the benchmark: kp = I w^2, kd = 2 ratio I w, with the
+# reflected inertia I of the motor.
+SERVO_SPEED = 2.0 * math.pi * 10.0  # w [rad/s]
+SERVO_RATIO = 2.0
+CRANE_STEP = 0.002  # of the simulation in the crane [s]
+SCORED = 0.02  # period of the score, as in the benchmark [s]
+# Boxes of Unitree's rubber hands, in the frame of the last link of the arm: of
+# the mesh itself, as the benchmark takes it.  For the left hand; mirrored in y.
+HAND_BOX = np.array([[0.0, -0.04791, -0.04303], [0.13183, 0.01865, 0.06345]])
+HEAD_BOTTOM = 0.28080  # of its mesh, above the frame of the torso [m]
+HANDS = "left_wrist_yaw_link", "right_wrist_yaw_link"
+
+
+class Stage(NamedTuple):
+    """What the tour adds to the waypoints.
+
+    Args:
+        walks: the arms are moved at random; or else held.
+        punches: there are.
+    """
+
+    walks: bool
+    punches: bool
+
+
+STAGES = {
+    "held": Stage(walks=False, punches=False),
+    "walked": Stage(walks=True, punches=False),
+    "punched": Stage(walks=True, punches=True),
+}
+
+
+def wheel() -> Any:
+    """The module that draws the tour.
+
+    Returns:
+        gaitkeeper.tour.
+
+    Raises:
+        ValueError: it is not installed.
+    """
+    try:
+        return importlib.import_module(f"{WHEEL}.tour")
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"tour: must have the packages of its extra, {error.name} is "
+            "missing: pip install nadia_balance[tour]"
+        ) from None
+
+
+def tour_scenario(scenario: Scenario, stage: str, seed: int) -> Scenario:
+    """The scenario of a run.
+
+    Args:
+        scenario: a robot that stands.
+        stage: one of STAGES.
+        seed: the number of the run.
+
+    Returns:
+        Another scenario, with the arms given and with the punches.
+
+    Raises:
+        ValueError: the robot has not the joints of the G1, or there is no such
+            stage.
+    """
+    require(
+        stage in STAGES,
+        f"stage = {stage!r}: must be one of {', '.join(STAGES)}",
+    )
+    drawn = wheel()
+    robot = load_robot(scenario.robot, scenario.fidelity)
+    require(
+        robot.drives is not None,
+        f"fidelity = {scenario.fidelity!r}: must be realistic, as the arms "
+        "have drives",
+    )
+    plant = robot.control_plant()
+    for name in drawn.BENCH_MOTORS:
+        require(
+            plant.HasJointNamed(name),
+            f"robot = {scenario.robot!r}: must have the joint {name}",
+        )
+    punches = STAGES[stage].punches
+    return scenario.changed(
+        seed=seed,
+        duration=drawn.BENCH_WAYPOINTS * drawn.BENCH_POINT_S,
+        pushes=punches_of(seed, plant) if punches else [],
+        controller=replace(
+            scenario.controller,
+            whole_body=replace(
+                scenario.controller.whole_body,
+                given_joints=list(drawn.BENCH_ARMS),
+            ),
+        ),
+    )
+
+
+def punches_of(seed: int, plant: MultibodyPlant) -> list[Push]:
+    """The punches of a run: at the joint of a random link, in its frame.
+
+    Args:
+        seed: the number of the run.
+        plant: that of the robot.
+
+    Returns:
+        One for each waypoint.
+    """
+    drawn = wheel()
+    links = []
+    for name in drawn.BENCH_MOTORS:
+        joint = plant.GetJointByName(name)
+        anchor = joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
+        links.append(
+            (joint.child_body().name(), joint.parent_body().name(), anchor)
+        )
+    punches = []
+    for punch in drawn.bench_punches(seed, links):
+        x, y, z = punch.vector
+        punches.append(
+            Push(
+                body=punch.body,
+                point=list(punch.point),
+                force=math.hypot(x, y, z),
+                direction_deg=math.degrees(math.atan2(y, x)),
+                elevation_deg=math.degrees(math.atan2(z, math.hypot(x, y))),
+                frame=punch.frame,
+                duration=punch.duration,
+                at=f"{punch.t:.3f} s",
+            )
+        )
+    return punches
+
+
+def servo(robot: RobotModel) -> dict[str, tuple[float, float]]:
+    """The gains of the benchmark's servo.
+
+    Args:
+        robot: whose motors have reflected inertias.
+
+    Returns:
+        Stiffness [N m/rad] and damping [N m s/rad] by joint.
+    """
+    gains = {}
+    for actuator in actuators(robot.control_plant()):
+        damping = 2.0 * SERVO_RATIO * SERVO_SPEED
+        inertia = actuator.default_reflected_inertia()
+        gains[actuator.joint().name()] = (
+            inertia * SERVO_SPEED**2,
+            inertia * damping,
+        )
+    return gains
+
+
+def arm_motions(
+    robot: RobotModel, seed: int, walks: bool
+) -> dict[str, GivenMotion]:
+    """What the arms are told.
+
+    Args:
+        robot: whose arms they are.
+        seed: the number of the run.
+        walks: they move at random; or else hold still.
+
+    Returns:
+        The motions, by joint.
+    """
+    drawn, plant, gains = wheel(), robot.control_plant(), servo(robot)
+    stance = dict(zip(drawn.BENCH_MOTORS, drawn.BENCH_STANCE, strict=True))
+    paths = {name: [(0.0, stance[name])] for name in drawn.BENCH_ARMS}
+    if walks:
+        limits = {}
+        for name in drawn.BENCH_ARMS:
+            joint = plant.GetJointByName(name)
+            limits[name] = (
+                joint.position_lower_limits()[0],
+                joint.position_upper_limits()[0],
+            )
+        paths = drawn.bench_arm_walk(
+            seed,
+            drawn.BENCH_WAYPOINTS * drawn.BENCH_POINT_S,
+            limits,
+            hands_clear(robot, stance),
+        )
+    motions = {}
+    for name, path in paths.items():
+        times, positions = np.array(path).T
+        motions[name] = GivenMotion(times, positions, *gains[name])
+    return motions
+
+
+def hands_clear(
+    robot: RobotModel, stance: Mapping[str, float]
+) -> Callable[[Array], bool]:
+    """The benchmark's check of a drawn pose of the arms.
+
+    No hand may be farther back than in the stance, nor above the bottom of the
+    head, seen from the torso.
+
+    Args:
+        robot: whose arms they are.
+        stance: positions by joint [rad].
+
+    Returns:
+        Whether the pose (7,) of the left arm, which the right one mirrors, is
+        taken.
+    """
+    drawn, plant = wheel(), robot.control_plant()
+    context = plant.CreateDefaultContext()
+    torso = plant.GetBodyByName(robot.torso_body).body_frame()
+    corners = np.stack(np.meshgrid(*HAND_BOX.T), axis=-1).reshape(-1, 3)
+    mirror = np.array([1.0, -1.0, 1.0])
+    q: Any = plant.GetPositions(context).copy()
+    columns = [
+        plant.GetJointByName(name).position_start() for name in drawn.BENCH_ARMS
+    ]
+    hands = [
+        (plant.GetFrameByName(HANDS[0]), corners),
+        (plant.GetFrameByName(HANDS[1]), corners * mirror),
+    ]
+
+    def reach(left: Array) -> tuple[float, float]:
+        right = np.multiply(drawn.BENCH_ARM_MIRROR, left)
+        q[columns] = np.concatenate((left, right))
+        plant.SetPositions(context, q)
+        seen = []
+        for hand, box in hands:
+            X_TH = plant.CalcRelativeTransform(context, torso, hand)
+            seen.append(X_TH.multiply(box.T))
+        points = np.concatenate(seen, axis=1)
+        return points[0].min(), points[2].max()
+
+    front, _ = reach(np.array([stance[name] for name in drawn.BENCH_ARM_LEFT]))
+
+    def takes(left: Array) -> bool:
+        back, top = reach(left)
+        return back >= front and top <= HEAD_BOTTOM
+
+    return takes
+
+
+def hung(robot: RobotModel, base: Array) -> tuple[Array, Array]:
+    """Where the joints come to hang in the crane, and their torques.
+
+    The base is held level; servos hold the benchmark's stance, in which the
+    links sag.
+
+    Args:
+        robot: that hangs.
+        base: its quaternion and place (7,) in the crane.
+
+    Returns:
+        Positions (nq,), and torques (nu,) [N m].
+    """
+    drawn, plant, gains = wheel(), robot.control_plant(), servo(robot)
+    context = plant.CreateDefaultContext()
+    n = plant.num_velocities() - 6
+    pose, kp, kd = np.zeros(n), np.zeros(n), np.zeros(n)
+    for name, angle in zip(drawn.BENCH_MOTORS, drawn.BENCH_STANCE, strict=True):
+        i = plant.GetJointByName(name).velocity_start() - 6
+        pose[i], (kp[i], kd[i]) = angle, gains[name]
+    lower = plant.GetPositionLowerLimits()[7:]
+    upper = plant.GetPositionUpperLimits()[7:]
+    q, v = pose.copy(), np.zeros(n)
+    for _ in range(round(drawn.BENCH_INIT_S / CRANE_STEP)):
+        state: Any = np.concatenate((base, q, np.zeros(6), v))
+        plant.SetPositionsAndVelocities(context, state)
+        force = plant.CalcGravityGeneralizedForces(context)[6:]
+        force -= plant.CalcBiasTerm(context)[6:]
+        M = plant.CalcMassMatrix(context)[6:, 6:]
+        force += kp * (pose - q) - kd * v
+        v += CRANE_STEP * np.linalg.solve(M + CRANE_STEP * np.diag(kd), force)
+        q += CRANE_STEP * v
+        v[(q < lower) | (q > upper)] = 0.0
+        q = np.clip(q, lower, upper)
+    torques = np.array(
+        [
+            (kp * (pose - q))[actuator.joint().velocity_start() - 6]
+            for actuator in actuators(plant)
+        ]
+    )
+    return np.concatenate((base, q)), torques
+
+
+class TourDiagram(HumanoidDiagram):
+    """Closes the loop of a run of the tour."""
+
+    def __init__(self, scenario: Scenario, stage: str, seed: int):
+        """Builds the diagram.
+
+        Args:
+            scenario: a robot that stands.
+            stage: one of STAGES.
+            seed: the number of the run.
+
+        Raises:
+            ValueError: as tour_scenario.
+        """
+        scenario = tour_scenario(scenario, stage, seed)
+        robot = load_robot(scenario.robot, scenario.fidelity)
+        drawn, place = wheel(), scenario.place.pose
+        standing = robot.standing_positions(scenario.gait.step_width, place)
+        anchor = FootPose(standing[4:7], place.yaw)
+        waypoints = []
+        for i, (x, y, yaw) in enumerate(drawn.bench_waypoints(seed)):
+            goal = anchor.displaced(x, y, yaw)
+            waypoints.append(
+                Waypoint(
+                    time=i * drawn.BENCH_POINT_S,
+                    x=goal.p_WF[0],
+                    y=goal.p_WF[1],
+                    yaw=goal.yaw,
+                )
+            )
+        limits = velocity_limits(
+            scenario.controller.footstep_planner, robot.point_mass
+        )
+        arms = arm_motions(robot, seed, STAGES[stage].walks)
+        super().__init__(
+            scenario,
+            sources={
+                "velocity_command": WaypointFollower(waypoints, robot, limits),
+                "joint_command": GivenJoints(arms, robot.control_plant()),
+            },
+        )
+        self._fallen_below = drawn.BENCH_FALL_PELVIS_Z
+
+    def set_initial_state(self, context: Context) -> None:
+        """Lets the crane go.
+
+        Args:
+            context: that of this diagram, which is changed.
+        """
+        super().set_initial_state(context)
+        base = self._standing[:7].copy()
+        base[6] = wheel().BENCH_CRANE_HEIGHT_M
+        q, torques = hung(self.robot, base)
+        self.engine.SetPositions(
+            self.engine.GetMyMutableContextFromRoot(context), q
+        )
+        drives: Any = self._drives
+        drives.GetMyMutableContextFromRoot(context).SetDiscreteState(0, torques)
+
+    def pelvis(self, context: Context) -> Array:
+        """Returns the pose of the pelvis.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            Its place and quaternion (7,) in W [m], as MuJoCo orders them.
+        """
+        state = read(self.engine.GetOutputPort("state"), context)
+        return np.concatenate((state[4:7], state[:4]))
+
+    def fall_reason(self, context: Context) -> str:
+        """Returns the criterion of the benchmark by which it has fallen.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            A few words; empty if it has not fallen.
+        """
+        low = self.pelvis(context)[2] < self._fallen_below
+        return "pelvis too low" if low else ""
+
+    def left_upright(self, context: Context) -> str:
+        """Returns the criterion by which others than the benchmark judge.
+
+        Args:
+            context: that of this diagram.
+
+        Returns:
+            As HumanoidDiagram.fall_reason.
+        """
+        return super().fall_reason(context)
+
+
+class Score:
+    """Scores a run, as the benchmark does, while it is simulated."""
+
+    def __init__(self, diagram: TourDiagram, seed: int):
+        """Begins at the start.
+
+        Args:
+            diagram: what is simulated.
+            seed: the number of the run.
+        """
+        drawn = wheel()
+        self._diagram, self._next = diagram, 0.0
+        self._tour = drawn.WaypointTour(list(drawn.bench_waypoints(seed)))
+        self.upright_until: float | None = None
+        self.reason = ""
+
+    def __call__(self, context: Context) -> bool:
+        """Looks once in SCORED; False, as only the end of a run decides."""
+        now = context.get_time()
+        if now < self._next:
+            return False
+        self._next = now + SCORED - 1e-6
+        self._tour(now, self._diagram.pelvis(context))
+        if self.upright_until is None:
+            self.reason = self._diagram.left_upright(context)
+            if self.reason:
+                self.upright_until = now
+        return False
+
+    def report(self, fell_at: float | None) -> dict[str, Any]:
+        """The result of the benchmark.
+
+        Args:
+            fell_at: when the robot fell [s]; None: it did not.
+
+        Returns:
+            Number of finished waypoints, and the means of their errors [cm],
+            [deg].
+        """
+        report: dict[str, Any] = self._tour.report(fell_at)
+        return report
+
+
+def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
+    """Simulates a run of the tour.
+
+    Args:
+        scenario: a robot that stands.
+        stage: one of STAGES.
+        seed: the number of the run.
+
+    Returns:
+        Its outcome and its score: `survival_s` as the benchmark judges,
+        `upright_s` until the robot has fallen by our own criterion, with its
+        `reason`; the errors are means over the finished waypoints.
+
+    Raises:
+        ValueError: as tour_scenario.
+        RuntimeError: it was interrupted.
+    """
+    diagram = TourDiagram(scenario, stage, seed)
+    score = Score(diagram, seed)
+    run = advance(start(diagram), diagram.scenario.duration, until=score)
+    if run.interrupted:
+        raise RuntimeError(f"{stage}, seed {seed}: interrupted")
+    outcome = "error" if run.error else "complete"
+    fell_at = run.simulated_time if run.error else run.fell_at
+    if run.fell_at is not None:
+        outcome = "fell"
+    report = score.report(fell_at)
+    errors = {
+        "position_error_cm": report["pos_err_cm"],
+        "yaw_error_deg": report["yaw_err_deg"],
+    }
+    return {
+        "outcome": outcome,
+        "survival_s": run.simulated_time,
+        "upright_s": score.upright_until or run.simulated_time,
+        "reason": run.error or score.reason,
+        "waypoints": report["targets"],
+        **(errors if report["targets"] else dict.fromkeys(errors)),
+        "power_w": mean_power(run.logs),
+    }
+
+
+def mean_power(logs: Mapping[str, Any]) -> float:
+    """The mean power of the drives that do not brake.
+
+    Args:
+        logs: of a run.
+
+    Returns:
+        The sum over all joints [W].
+    """
+    speeds = logs["state"][:, logs["joint_speed_columns"]]
+    return float((logs["torques"] * speeds).clip(0.0).sum(axis=1).mean())
