@@ -93,12 +93,15 @@ FROM_SUMMARY = (
     "com_sag_m",
     "positive_power_w",
     "qp_failures",
+    "max_landing_speed",
+    "max_landing_force",
 )
 
 DIGITS = 4  # significant ones: what a measured number is worth [-]
 
 KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
 COLUMNS = (*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push")
+_LATER = {"max_landing_speed", "max_landing_force"}  # older rows lack them
 _TEXTS = ("scenario", "at", "mechanisms", "outcome", "reason")
 
 
@@ -201,9 +204,7 @@ class Rows:
             first, _, lines = text[: text.rfind("\n") + 1].partition("\n")
             identity = json.loads(first.removeprefix("# "))
             require({*IDENTITY} <= {*identity}, "its first line is of no sweep")
-            rows = [
-                _parsed(line) for line in csv.DictReader(io.StringIO(lines))
-            ]
+            rows = [parsed(line) for line in csv.DictReader(io.StringIO(lines))]
             require(
                 {row["scenario"] for row in rows}
                 <= {*identity["scenario"].split(",")},
@@ -271,13 +272,25 @@ class Rows:
             lines.writerows(self.all)
 
 
-def _parsed(line: dict[str, str]) -> Row:
-    row: Row = {
+def parsed(line: dict[str, str]) -> Row:
+    """Reads a trial.
+
+    Args:
+        line: of a CSV file, by the names of COLUMNS.
+
+    Returns:
+        Its row.
+
+    Raises:
+        ValueError: it is no trial.
+        TypeError: likewise.
+    """
+    row: Row = dict.fromkeys(COLUMNS) | {
         name: text if name in _TEXTS else json.loads(text or "null")
         for name, text in line.items()
     }
     require(
-        tuple(line) == COLUMNS
+        [*line] == [n for n in COLUMNS if n in line or n not in _LATER]
         and row["outcome"] in OUTCOMES
         and row["mechanisms"] in NAMED
         and all(
