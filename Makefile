@@ -13,7 +13,8 @@ export OPENBLAS_NUM_THREADS := 1
 # What Python compiles is kept: tests start many of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: push test learn lint browser coverage site results robustness policy clean
+.PHONY: push test learn lint browser coverage site results robustness policy \
+	league rows clean
 
 push: .venv/installed
 	$(BIN)/python scripts/push.py $(ARGS)
@@ -154,10 +155,38 @@ $(MADE)/g1_policy_mujoco.swept: SWEEP := $(POLICY_MORE) --engine mujoco \
 	--at "right swing 25 %, $(LATER)"
 $(MADE)/g1_policy_ideal.swept: SWEEP := $(POLICY_MORE) --fidelity ideal
 $(MADE)/g1_policy_standing.swept: SWEEP := $(POLICY_MORE) --at standing
-$(POLICY):
+build/%_g1_29dof.onnx:
 	$(BIN)/python -m pip install --no-deps --target build/holosoma \
 		holosoma-inference==0.1.3
 	cp build/holosoma/*/models/loco/g1_29dof/$(@F) $@
+
+# The page of the league, from the rows in docs/league.
+league: .venv/installed-test
+	$(BIN)/python docs/figures/league.py
+
+# These rows by push-v1: hours each, and some minutes with ROW=--quick.
+ROW_NAMES := nadia g1 atlas springs_nadia springs_g1 fastsac_g1 ppo_g1
+rows: .venv/installed-test $(ROW_NAMES:%=$(MADE)/%.row)
+	$(MAKE) league
+
+SPRINGS := --controller examples.null_controller:Springs
+$(MADE)/nadia.row: MEASURED := --robot nadia
+$(MADE)/g1.row: MEASURED := --robot g1
+$(MADE)/atlas.row: MEASURED := --robot atlas
+$(MADE)/springs_nadia.row: MEASURED := --robot nadia $(SPRINGS)
+$(MADE)/springs_g1.row: MEASURED := --robot g1 $(SPRINGS)
+$(MADE)/fastsac_g1.row: build/fastsac_g1_29dof.onnx
+$(MADE)/fastsac_g1.row: MEASURED := --robot g1 \
+	--controller build/fastsac_g1_29dof.onnx
+$(MADE)/ppo_g1.row: build/ppo_g1_29dof.onnx
+$(MADE)/ppo_g1.row: MEASURED := --robot g1 \
+	--controller build/ppo_g1_29dof.onnx
+$(MADE)/%.row:
+	$(BIN)/python scripts/envelope.py --protocol push-v1 $(MEASURED) $(ROW) \
+		--who nadia_balance --out $(MADE)/row_$*
+	mkdir -p docs/league/$*
+	cp $(MADE)/row_$*/row.json $(MADE)/row_$*/trials.csv docs/league/$*
+	touch $@
 
 $(MADE)/push/replay.html:
 	$(BIN)/python scripts/push.py --out $(@D)

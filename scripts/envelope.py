@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,9 @@ from nadia_balance.parameters.bounds import check, require
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
-from nadia_balance.sweep import limits, report, run_trial
+from nadia_balance.sweep import limits, push_v1, report, run_trial
 from nadia_balance.sweep.envelope import keep_contract
+from nadia_balance.sweep.row import ROW, lines_of, write_row
 from nadia_balance.sweep.search import SearchParams, Sweep
 from nadia_balance.sweep.tour import Tour
 from nadia_balance.sweep.trials import TRIALS, UNDECIDED, Rows
@@ -44,6 +46,18 @@ from nadia_balance.sweep.trials import TRIALS, UNDECIDED, Rows
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
 MOST_DIRECTIONS = 72  # largest count of directions
 QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
+# Flags that push-v1 leaves to the user.
+FREE = (
+    "protocol",
+    "quick",
+    "robot",
+    "controller",
+    "block",
+    "who",
+    "workers",
+    "scheduler",
+    "out",
+)
 
 
 @command_line.program
@@ -58,6 +72,8 @@ def main(argv: list[str] | None = None) -> int:
     """
     parser = parser_of()
     args = parser.parse_args(argv)
+    if args.protocol == push_v1.NAME:
+        return _measure_row(parser, args, argv)
     if args.plot_only is not None:
         with parser.refusing():
             rows = Rows.read(args.plot_only)
@@ -126,14 +142,19 @@ def _sweep_flags(parser: command_line.CommandLine) -> None:
     )
     group.add_argument(
         "--protocol",
-        choices=limits.PROTOCOLS,
+        choices=[*limits.PROTOCOLS, push_v1.NAME],
         default="nadia_fig10",
-        help="the paper's figure (default: %(default)s)",
+        help=f"the paper's figure, or that of the league, {push_v1.NAME} "
+        "(default: %(default)s)",
     )
     group.add_argument(
         "--quick",
         action="store_true",
-        help=f"unless given: {QUICK}, and the most mechanisms alone",
+        help=f"unless given: {QUICK}, and the most mechanisms alone; of "
+        f"{push_v1.NAME}: its quick variant",
+    )
+    group.add_argument(
+        "--who", default="", help=f"has measured the row of {push_v1.NAME}"
     )
     group.add_argument(
         "--directions",
@@ -190,6 +211,7 @@ def carry_out(
     sweep: Sweep | Tour,
     report: Callable[[Any], int],
     run: Callable[..., bool] = run_trial.run_sweep,
+    part: str = "",
 ) -> int:
     """Runs a sweep, and its report, also after an error or Ctrl-C.
 
@@ -200,6 +222,7 @@ def carry_out(
         sweep: what is run.
         report: writes what follows from the rows; returns an exit code.
         run: makes the trials that the rows lack.
+        part: folder in --out, of one of several sweeps.
 
     Returns:
         The exit code: that of `report` if the sweep is complete.
@@ -210,7 +233,7 @@ def carry_out(
             executor = stack.enter_context(
                 run_trial.open_workers(args.workers, args.scheduler)
             )
-            folder = prepare_folder(args.out)
+            folder = prepare_folder(args.out / part)
             rows = stack.enter_context(sweep.opened(folder))
         command = [parser.prog, *(sys.argv[1:] if argv is None else argv)]
         with open(folder / COMMAND, "a", encoding="utf-8") as file:
@@ -235,7 +258,7 @@ def carry_out(
         reported = report(rows)
         if code:
             command_line.say(
-                f"the same flags and --out {folder} go on from here"
+                f"the same flags and --out {args.out} go on from here"
             )
         return code or reported
 
@@ -280,6 +303,7 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     Raises:
         ValueError: names the invalid flag.
     """
+    require(not args.who, f"who = {args.who!r}: must come with {push_v1.NAME}")
     values = asdict(limits.PROTOCOLS[args.protocol])
     controller = command_line.controller_of(args)
     if args.quick or controller:
@@ -303,6 +327,67 @@ def sweep_from(args: argparse.Namespace) -> Sweep:
     )
     sweep.validate()
     return sweep
+
+
+def sweeps_of_row(
+    parser: command_line.CommandLine, args: argparse.Namespace
+) -> dict[str, Sweep]:
+    """The sweeps of a row of push-v1.
+
+    Args:
+        parser: of the program.
+        args: those of parser_of.
+
+    Returns:
+        The sweeps by the names of their folders, checked.
+
+    Raises:
+        ValueError: names the invalid flag, or one that push-v1 fixes.
+    """
+    for name, value in vars(args).items():
+        require(
+            name in FREE or value == parser.get_default(name),
+            f"{name} = {value}: must not come with {push_v1.NAME}, which has "
+            "its own",
+        )
+    return push_v1.sweeps(
+        push_v1.QUICK if args.quick else push_v1.FULL,
+        args.robot or "nadia",
+        command_line.controller_of(args),
+        parsed_blocks(args.block or ()),
+    )
+
+
+def _measure_row(
+    parser: command_line.CommandLine,
+    args: argparse.Namespace,
+    argv: list[str] | None,
+) -> int:
+    """Carries out the sweeps of a row, then writes it; returns a code."""
+    with parser.refusing():
+        sweeps = sweeps_of_row(parser, args)
+        for sweep in sweeps.values():
+            sweep.build(sweep.cells()[0], replica=0)
+            sweep.first = limits.first_pushes(sweep)
+    args.out = args.out or Path(f"rows/{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    for name, sweep in sweeps.items():
+        code = carry_out(
+            parser=parser,
+            args=args,
+            argv=argv,
+            sweep=sweep,
+            report=partial(_report, scenarios=sweep.scenarios, beside=None),
+            part=name,
+        )
+        # Who does not walk is not pushed in a gait: that is a result, too.
+        if code not in (command_line.DONE, command_line.UNDECIDED):
+            return code
+    variant = push_v1.QUICK if args.quick else push_v1.FULL
+    row = write_row(args.out, variant, sweeps, args.who)
+    command_line.say(
+        "", *lines_of(row), f"wrote {args.out}/{{{ROW}, {TRIALS}}}"
+    )
+    return command_line.DONE
 
 
 def scenario_of(args: argparse.Namespace, name: str) -> Scenario:

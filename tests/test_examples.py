@@ -46,10 +46,10 @@ def printed(name: str, *argv: str, acts: str = "", idles: str = "") -> list:
     )
 
 
-def test_there_are_ten_of_40_lines_that_a_page_tells():
+def test_there_are_eleven_of_40_lines_that_a_page_tells():
     """Oracles: the files; the first sentence of each, in docs/examples.md."""
     page = (ROOT / "docs" / "examples.md").read_text("utf-8")
-    assert len(EXAMPLES) == 10
+    assert len(EXAMPLES) == 11
     for name, path in EXAMPLES.items():
         code = path.read_text("utf-8")
         assert len(code.splitlines()) <= 40, name
@@ -176,6 +176,13 @@ def test_a_log_becomes_a_table(tmp_path):
     height = NADIA.point_mass.com_height
     assert columns["com_height"] == pytest.approx([height] * 751, abs=0.03)
     assert [columns["steps_taken"][row] for row in (0, -1)] == [0.0, 1.0]
+
+
+def test_springs_hold_a_standing_robot_and_no_more():
+    """Oracle: it falls without their torques."""
+    assert printed("null_controller") == ["It keeps its feet."]
+    idle = {"acts": "10.0 * self.most", "idles": "0.0 * self.most"}
+    assert printed("null_controller", **idle) == ["pelvis too low"]
 
 
 def test_a_policy_takes_the_place_of_the_controller(tmp_path):

@@ -48,6 +48,25 @@ def named_schema(schema: type, title: str) -> dict[str, Any]:
     }
 
 
+def complete(schema: Any) -> Any:
+    """Returns the schema of a mapping that must have every field.
+
+    Args:
+        schema: as of json_schema, or a part of it.
+
+    Returns:
+        The same, with all properties of each object required.
+    """
+    if isinstance(schema, list):
+        return [complete(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    parts = {name: complete(part) for name, part in schema.items()}
+    if isinstance(parts.get("properties"), dict):
+        parts["required"] = [*parts["properties"]]
+    return parts
+
+
 def _of_class(schema: type) -> dict[str, Any]:
     hints = field_types(schema)
     return {

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 from unittest import mock
 
-from json_schema import json_schema, named_schema
+from json_schema import complete, json_schema, named_schema
 from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.plan.gait import Foothold, StepVector
 from nadia_balance.core.walking.mechanisms import Mechanisms
@@ -34,6 +34,7 @@ from nadia_balance.policy.params import ObservationTerm, PolicyParams
 from nadia_balance.results.log import _VIEWS
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
+from nadia_balance.sweep.row import Row
 
 PAGE = Path(__file__).parents[1] / "reference.md"
 SCRIPTS = (
@@ -89,6 +90,8 @@ SUMMARY = {
         "end of the swing [s]; force in a step of the plant, and over 10 ms "
         "[body weights]; slide in 0.1 s [m]",
     ),
+    "max_landing_speed": ("m/s", "largest `speed_along` of the touchdowns"),
+    "max_landing_force": ("1", "largest `mean_force` of the touchdowns"),
     "max_torque_ratio": (
         "1",
         "largest torque over its limit; the QP holds the limit, so that 1 is "
@@ -380,7 +383,7 @@ def page() -> str:
 
 
 def schemas() -> dict[str, str]:
-    """The JSON schemas of the package's YAML, for editors.
+    """The JSON schemas of the package's YAML, for editors, and of a row.
 
     Returns:
         Their texts, by the names of their files in docs.
@@ -388,6 +391,7 @@ def schemas() -> dict[str, str]:
     made = {
         "robot.schema.json": json_schema(RobotParams, "robot.yaml"),
         "scenario.schema.json": named_schema(Scenario, "a file of scenarios"),
+        "row.schema.json": complete(json_schema(Row, "a row of the league")),
     }
     return {
         name: f"{json.dumps(schema, indent=1)}\n"

@@ -515,6 +515,14 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "steps_after_push": (("t",), _steps_after_push),
     "calm_steps": (("icp",), calm_steps),
     "touchdowns": (("touchdowns",), _touchdowns),
+    "max_landing_speed": (
+        ("touchdowns",),
+        lambda x: signal_view(x, "touchdowns").speed_along,
+    ),
+    "max_landing_force": (
+        ("touchdowns",),
+        lambda x: signal_view(x, "touchdowns").mean_force,
+    ),
     "stance_slip_m": (("foot_poses", "walking_signal"), _stance_slip),
     "max_torque_ratio": (("effort_limits",), torque_ratio),
     # From tick to tick, of the commands [N m].

@@ -304,19 +304,9 @@ def _record(
     cell: Cell, identity: Identity, rows: list[Row], limits: Sequence[LipmLimit]
 ) -> Record:
     recovery = limit(results_of(rows), SearchParams.of(identity))
-    best = [
-        row
-        for row in rows
-        if row["delta_v"] == recovery.recovered
-        and row["outcome"] == "recovered"
-    ]
     protocol = protocol_of(identity["robot"], cell[:2])
     paper = protocol.curves(cell.scenario) if protocol else {}
     pushes = [one.largest_push(cell.direction_deg) for one in limits]
-    worst = {
-        name: [row[name] for row in best if row[name] is not None]
-        for name in WORST
-    }
     return {
         **cell._asdict(),
         "trials": len(rows),
@@ -324,7 +314,33 @@ def _record(
         **dict.fromkeys(OTHERS),
         "paper": paper.get(cell.mechanisms, {}).get(cell.direction_deg),
         **dict(zip(OTHERS[1:], pushes, strict=False)),
-        **{name: max(values, default=None) for name, values in worst.items()},
+        **worst_at(recovery.recovered, rows, WORST),
+    }
+
+
+def worst_at(
+    delta_v: float | None, rows: Iterable[Row], columns: Iterable[str]
+) -> Row:
+    """The largest measurements of the recoveries from a push.
+
+    Args:
+        delta_v: the push [m/s].
+        rows: of one cell.
+        columns: names of the measurements.
+
+    Returns:
+        The largest by name, None where nothing was measured.
+    """
+    best = [
+        row
+        for row in rows
+        if row["delta_v"] == delta_v and row["outcome"] == "recovered"
+    ]
+    return {
+        name: max(
+            (row[name] for row in best if row[name] is not None), default=None
+        )
+        for name in columns
     }
 
 

@@ -94,12 +94,15 @@ FROM_SUMMARY = (
     "com_sag_m",
     "positive_power_w",
     "qp_failures",
+    "max_landing_speed",
+    "max_landing_force",
 )
 
 DIGITS = 4  # significant ones: what a measured number is worth [-]
 
 KEY = (*Cell._fields, "delta_v", "replica")  # unique, and the order of rows
 COLUMNS = (*KEY, "seed", "outcome", *FROM_SUMMARY, "predicted_at_push")
+_LATER = {"max_landing_speed", "max_landing_force"}  # older rows lack them
 _TEXTS = ("stage", "scenario", "at", "mechanisms", "outcome", "reason")
 
 
@@ -290,23 +293,39 @@ class Rows:
         Raises:
             ValueError: it is of no trial of this sweep.
         """
-        row = numbers(line)
-        require(
-            tuple(line) == cls.COLUMNS
-            and row["outcome"] in OUTCOMES
-            and row["mechanisms"] in NAMED
-            and 0.0 <= row["delta_v"] <= MOST
-            and 0.0 <= row["direction_deg"] <= 360.0
-            and row["replica"] >= 0,
-            f"{', '.join(map(str, line.values()))}: is no trial",
-        )
-        if row["at"] != STANDING:
-            Moment.parse(row["at"])
+        row = trial_of(line)
         require(
             row["scenario"] in identity["scenario"].split(","),
             "a scenario is not of the first line",
         )
         return row
+
+
+def trial_of(line: dict[str, str]) -> Row:
+    """The trial of a line.
+
+    Args:
+        line: texts, by column; older ones lack some.
+
+    Returns:
+        The row, with all COLUMNS.
+
+    Raises:
+        ValueError: it is no trial.
+    """
+    row: Row = dict.fromkeys(COLUMNS) | numbers(line)
+    require(
+        [*line] == [n for n in COLUMNS if n in line or n not in _LATER]
+        and row["outcome"] in OUTCOMES
+        and row["mechanisms"] in NAMED
+        and 0.0 <= row["delta_v"] <= MOST
+        and 0.0 <= row["direction_deg"] <= 360.0
+        and row["replica"] >= 0,
+        f"{', '.join(map(str, line.values()))}: is no trial",
+    )
+    if row["at"] != STANDING:
+        Moment.parse(row["at"])
+    return row
 
 
 def numbers(line: dict[str, str]) -> Row:

@@ -92,6 +92,8 @@ def _row(cell: Cell, delta_v: float, replica: int, recovered: bool) -> dict:
         "com_sag_m": 0.125,
         "positive_power_w": 2000.0,
         "qp_failures": 0,
+        "max_landing_speed": 0.25,
+        "max_landing_force": 1.5 + replica,
         "predicted_at_push": 2 if recovered else -1,
     }
 
