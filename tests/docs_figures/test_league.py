@@ -74,8 +74,8 @@ def test_two_trials_of_each_of_our_rows_are_those_of_this_code(name):
     which it recovered, and the largest from which it did not.
 
     Another processor or Drake differs in the last bits.  Replicas, whose starts
-    are 10 um apart, differ by 0.01 % of these figures: 1 % is far above what
-    rounding makes of them, and below what a change of the controller does.
+    are 10 um apart, differ by 0.01 % of these figures, and the row's digits end
+    at 0.05 %.  0.2 % is above both; 0.9 times the feedback gain makes 0.6 %.
     """
     row = ROWS[name]
     sweep = push_v1.sweeps(row.variant, row.robot.name)["push_realistic_drake"]
@@ -101,4 +101,6 @@ def test_two_trials_of_each_of_our_rows_are_those_of_this_code(name):
         one["outcome"] for one in (good, bad)
     ]
     for figure in "max_icp_error_m", "positive_power_w":
-        assert again[0][figure] == pytest.approx(good[figure], rel=0.01), figure
+        assert again[0][figure] == pytest.approx(good[figure], rel=0.002), (
+            figure
+        )
