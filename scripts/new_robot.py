@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
-from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.scenario import STANDING, load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing, prepare_folder
@@ -16,11 +17,16 @@ from nadia_balance.results.measurements import joint_speed_ratio, torque_ratio
 from nadia_balance.robot.model import FIDELITIES, RobotModel, load_robot
 from nadia_balance.robot.reach import margins, reach_within, too_weak
 from nadia_balance.scripts import command_line
+from nadia_balance.sweep.run_trial import run_trial
+from nadia_balance.sweep.search import SearchParams, Sweep, limit
+from nadia_balance.sweep.trials import Row, results_of
 
 # Twenty seconds of steps, with standing before and after them.
 WALK = "{duration: 22.0, gait: {num_steps: 20}}"
 NAMES = "pelvis", "torso", "left_foot", "right_foot"
 MADE = "robot.urdf", "robot.yaml"
+# Resolution and first size of the standing push, over sqrt(g z): 3 runs.
+COARSE, FIRST = 0.1, 0.3  # [-]
 
 
 @command_line.program
@@ -201,7 +207,41 @@ def _walk(robot: str, fidelity: str) -> int:
             np.max(joint_speed_ratio(run.logs), axis=0, initial=0.0),
         ),
     )
-    return command_line.FAILED if failed else command_line.DONE
+    if failed:
+        return command_line.FAILED
+    command_line.say(_standing_push(diagram.robot, robot, fidelity))
+    return command_line.DONE
+
+
+def _standing_push(model: RobotModel, robot: str, fidelity: str) -> str:
+    """Searches the push from which it recovers as it stands; tells it."""
+    mass = model.point_mass
+    speed = mass.omega * mass.com_height  # sqrt(g z)
+    sweep = Sweep(
+        scenarios={
+            "push": load_scenario("push", robot=robot, fidelity=fidelity)
+        },
+        at=(STANDING,),
+        mechanisms=tuple(MECHANISMS)[-1:],
+        search=SearchParams(resolution=COARSE * speed, stride=1, replicas=1),
+    )
+    (cell,) = sweep.cells()
+    sweep.first[cell] = FIRST * speed
+    rows: list[Row] = []
+    while batch := sweep.attempts(cell, results_of(rows)):
+        rows.append(run_trial(sweep, cell, *batch[0]))
+        if rows[-1]["reason"] == "interrupted":
+            raise KeyboardInterrupt
+    largest = limit(results_of(rows), sweep.search)
+    reason = next(
+        (row["reason"] for row in rows if row["delta_v"] == largest.failed), ""
+    )
+    delta_v = largest.recovered or 0.0
+    failed = largest.failed or sweep.search.largest
+    return (
+        f"standing, pushed forward for 0.1 s: recovers from {delta_v:.2f} m/s "
+        f"({delta_v * mass.mass:.0f} N s), not from {failed:.2f}: {reason}"
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
 """One command from a URDF of anybody's to a robot that walks."""
 
+import math
 import re
 import sys
 
 import pytest
 
+from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import new_robot
 from tests import run_cache
 from tests.diagrams.simulated import EARLY
@@ -30,16 +32,20 @@ def any_reach(monkeypatch):
 def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
     """Oracle: the bar for robots nobody has tuned, an ICP error of 10 mm.
 
-    Two steps of the twenty.  The ankles' 250 N m are more than the weight times
+    Two steps of the twenty.  The standing push is more than ankles stop, to a
+    tenth of sqrt(g z).  The ankles' 250 N m are more than the weight times
     the sole, which ends 0.12 m from its middle.
     """
     short = f"{{duration: 3.1, {EARLY % 'num_steps: 2'}}}"
     monkeypatch.setattr(new_robot, "WALK", short)
 
     def walked():
-        return run_script(new_robot, [file, "--out", tmp_path / "made"], capsys)
+        made = tmp_path / "made"
+        outcome = run_script(new_robot, [file, "--out", made], capsys)
+        robot = load_robot(str(made / "robot.yaml"))
+        return outcome, robot.com_height, robot.mass
 
-    outcome = run_cache.once(__name__, short, walked)
+    outcome, height, mass = run_cache.once(__name__, short, walked)
     assert (outcome.code, outcome.err) == (0, [])
     words = {line.partition(": ")[0] for line in outcome.out}
     assert {"guessed", "changed", "unknown"} <= words
@@ -52,6 +58,19 @@ def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
         "  ankles hold the CoP ahead and behind: 12.0 and 12.0 cm, of the "
         "sole's 12.0 and 12.0 cm"
     ) in outcome.out
+    recovered, impulse, failed = map(
+        float,
+        re.fullmatch(
+            r"standing, pushed forward for 0\.1 s: recovers from (.*) m/s "
+            r"\((.*) N s\), not from (.*): .+",
+            outcome.out[-1],
+        ).groups(),
+    )
+    speed = math.sqrt(9.81 * height)
+    # An ankle alone stops omega times what is ahead of it, and there are steps.
+    assert recovered > 0.12 * 9.81 / speed
+    assert failed - recovered == pytest.approx(0.1 * speed, abs=0.011)
+    assert impulse == pytest.approx(recovered * mass, rel=0.01)
 
 
 @pytest.mark.usefixtures("any_reach")
