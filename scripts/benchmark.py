@@ -22,6 +22,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
@@ -38,6 +39,7 @@ REPLAYS = 3  # of the push
 # The push is the scenario's, times this: 0.7 m/s on Nadia, to the left.
 HARDER = 0.7 / 0.45
 AFTER = 2.0  # time from its begin [s]
+MOST = tuple(MECHANISMS)[-1]  # unless others are given
 
 
 @command_line.program
@@ -56,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
         scenario = load_scenario(
             args.scenario_name,
             text=args.scenario_text,
-            mechanisms=args.mechanisms,
+            mechanisms=args.mechanisms or MOST,
         )
         if not 0.0 < args.seconds <= LONGEST:
             parser.error(f"seconds = {args.seconds}: must be in (0, {LONGEST}]")

@@ -19,8 +19,7 @@ PUSH = "{gait: {num_steps: 2}, pushes: [{delta_v: 0.1, at: 0.02 s}]}"
 def told(tmp_path_factory):
     """The file of records, and one short run, as --json prints it."""
     recorded = tmp_path_factory.mktemp("speed") / "speed.csv"
-    argv = "--mechanisms all_with_cross_over --json --seconds 0.2"
-    argv += f" --record {recorded}"
+    argv = f"--json --seconds 0.2 --record {recorded}"
     out = StringIO()
     early = patch.multiple(benchmark, START=0.1, REPLAYS=1, AFTER=0.2)
     with early, redirect_stdout(out):
