@@ -62,7 +62,7 @@ def test_an_unseen_biped_walks_at_once(file, tmp_path, capsys, monkeypatch):
         float,
         re.fullmatch(
             r"standing, pushed forward for 0\.1 s: recovers from (.*) m/s "
-            r"\((.*) N s\), not from (.*): .+",
+            r"\((.*) N s\), not from (\S+): .+",
             outcome.out[-1],
         ).groups(),
     )
