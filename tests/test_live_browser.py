@@ -233,9 +233,9 @@ def play(page: Page) -> None:
     page.evaluate("viewer.renderer.setPixelRatio(0.1)")
     set_slider(page, SPEED, "1.5")
     page.evaluate("sticks = [0, -0.6, 0, 0]")
-    # 0.45 of 0.85 of the stick's way, of at most 0.852 m/s.
-    wait_until(page, shows(page, "walking", "commanded 0.45, "))
-    wait_until(page, lambda: abs(walked(page) - 0.45) < 0.03)
+    # 0.45 of 0.85 of the stick's way, of at most 0.780 m/s.
+    wait_until(page, shows(page, "walking", "commanded 0.41, "))
+    wait_until(page, lambda: abs(walked(page) - 0.41) < 0.03)
     page.evaluate("sticks = [0, 0, 0, 0]")
     still = "standing", "commanded 0.00, walks 0.00 m/s"
     wait_until(page, shows(page, *still))
