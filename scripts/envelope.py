@@ -367,7 +367,7 @@ def _measure_row(
     with parser.refusing():
         sweeps = sweeps_of_row(parser, args)
         for sweep in sweeps.values():
-            sweep.build(sweep.cells()[0], replica=0)
+            sweep.try_out()
             sweep.first = limits.first_pushes(sweep)
     args.out = args.out or Path(f"rows/{datetime.now():%Y-%m-%d_%H-%M-%S}")
     for name, sweep in sweeps.items():

@@ -90,7 +90,7 @@ def envelope(
         search=search or SearchParams(),
     )
     sweep.validate()
-    diagram = sweep.build(sweep.cells()[0], replica=0)
+    diagram = sweep.try_out()
     other = None if beside is None else Path(beside)
     if other is not None:
         check_beside(other, sweep.one.robot)

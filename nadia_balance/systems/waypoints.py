@@ -34,7 +34,8 @@ class WaypointFollower(Block):
     Args:
         waypoints: in order of time.
         robot: the robot that walks.
-        limits: least and most velocity (2, 3) (see velocity_limits).
+        limits: least and most velocity (2, 3) [m/s], [m/s], [rad/s] (see
+            velocity_limits).
         params: time and tolerances.
 
     Raises:

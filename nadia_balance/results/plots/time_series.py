@@ -427,10 +427,9 @@ def draw_contacts(log: Log, summary: dict[str, Any]) -> Figure:
     )
     spans = phase_spans(log)
     _draw_feet(ax, log, spans)
-    rows = {
-        **{side.value: y for side, y in _FOOT_Y.items()},
-        **({"mode": _MODE_Y} if modes else {}),
-    }
+    rows = {side.value: y for side, y in _FOOT_Y.items()}
+    if modes:
+        rows["mode"] = _MODE_Y
     for span in modes:
         ax.broken_barh(
             [(span.start, span.end - span.start)],
