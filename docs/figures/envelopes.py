@@ -1,7 +1,8 @@
 """Draws what Nadia and the G1 recover from, in one picture.
 
 Beside Nadia's limits are the paper's, beside the G1's those of a learned
-policy; all of them from the tables of `make results`.
+policy, both with earlier drives and counting any landing; all of them from the
+tables in docs/results.
 
 Example:
     python docs/figures/envelopes.py --out envelopes.png
@@ -108,11 +109,11 @@ def draw(results: Path) -> Figure:
     paper = PROTOCOLS["nadia_fig10"].curves("push")[ALL]
     ours = "this package"
     robots = {
-        "Nadia, 91 kg": (
-            Curve(ours, OURS, "-", _limits(results / "fig10")),
+        "Nadia, 91 kg, soft landings": (
+            Curve(ours, OURS, "-", _limits(results / "landing")),
             Curve("the Nadia paper's, Fig. 10", PAPER, "--", paper),
         ),
-        "Unitree G1, 33 kg": (
+        "Unitree G1, 33 kg, earlier drives, any landing": (
             Curve(ours, OURS, "-", _limits(results / "g1")),
             Curve(
                 "a learned policy (FastSAC)",
