@@ -466,6 +466,10 @@ class TimingAdapter(Block):
     control period, and the present estimate of the total over this and the next
     ticks; the clock is held while it is negative.
 
+    Erratum: the ICP is `alip_icp`.  In a fast step the angular momentum of the
+    leg that is swung carries the `icp` some cm ahead and back again, which is
+    no push; a clock that hurries for it swings the leg faster still.
+
     Args:
         params: limits of the adjustment.
         model: point mass of the robot.
@@ -474,7 +478,7 @@ class TimingAdapter(Block):
     .. pydrake_system::
 
         name: TimingAdapter
-        input_ports: [walking_state, icp_plan, icp, foot_poses, mechanisms]
+        input_ports: [walking_state, icp_plan, alip_icp, foot_poses, mechanisms]
         output_ports: [time_adjustment]
     """
 
@@ -486,7 +490,7 @@ class TimingAdapter(Block):
         self._timing = Timing(params, model, period)
         self._walking = input_port(self, "walking_state")
         self._plan = input_port(self, "icp_plan")
-        self._icp = input_port(self, "icp")
+        self._icp = input_port(self, "alip_icp")
         self._feet = input_port(self, "foot_poses")
         self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
         declare_output(self, "time_adjustment", self._calc)

@@ -221,3 +221,19 @@ def test_the_whole_robot_catches_itself_and_stands():
     assert summary["recovered"], summary["reason"]
     assert 1 <= summary["steps_taken"] <= 5
     assert summary["self_contacts"] == []
+
+
+def test_a_leg_that_is_swung_fast_does_not_hurry_the_clock():
+    """Oracle: 0.7 m/s by command, to 10 %; the leg's reaction is no push.
+
+    By the ICP alone, which that carries 5 cm ahead, it walks 0.47 m/s.
+    """
+    scenario = load_scenario("walk_by_command", robot="g1", duration=6.0)
+    scenario = scenario.changed(commands=[Command(time=0.1, forward=0.7)])
+    run = run_of(scenario)
+    landed = [s for s in steps(run.logs) if s.swing.end > 3.0]
+    first, last = landed[0], landed[2 * ((len(landed) - 1) // 2)]
+    way = last.achieved.p_WF[0] - first.achieved.p_WF[0]
+    time = last.swing.end - first.swing.end
+    assert way / time == pytest.approx(0.7, rel=0.1)
+    assert run.summary["fell_at"] is None

@@ -24,7 +24,11 @@ def test_proposes_what_the_core_says(on):
     icp, feet = plan.at(NOW + 0.5).icp, schedule.feet
     adapter = TimingAdapter(PARAMS, MODEL, PERIOD)
     context = asked(
-        adapter, icp=icp, icp_plan=plan, walking_state=state, foot_poses=feet
+        adapter,
+        alip_icp=icp,
+        icp_plan=plan,
+        walking_state=state,
+        foot_poses=feet,
     )
     if on is not None:
         fix(adapter, context, mechanisms=on.as_vector())
