@@ -49,7 +49,7 @@ JOINT_CONTROL = (
 )
 TIME_ADJUSTMENT = "alip_icp icp_plan walking_state mechanisms foot_poses"
 STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
-STEP_CONTROL = "icp walking_state time_adjustment mechanisms icp_plan"
+STEP_CONTROL = "alip_icp walking_state time_adjustment mechanisms icp_plan"
 HEIGHT_CONTROL = "com_state ecmp_command walking_state"
 STEPS = "adjustment", "capture_regions"
 WHOLE_BODY = "actuation", "foot_wrenches", "whole_body_qp_status"

@@ -466,9 +466,9 @@ class TimingAdapter(Block):
     control period, and the present estimate of the total over this and the next
     ticks; the clock is held while it is negative.
 
-    Erratum: the ICP is `alip_icp`.  In a fast step the angular momentum of the
-    leg that is swung carries the `icp` some cm ahead and back again, which is
-    no push; a clock that hurries for it swings the leg faster still.
+    Erratum: the ICP is `alip_icp`.  The angular momentum of a leg that is
+    swung fast carries the `icp` ahead in mid-swing only, when hurrying makes
+    it faster still; `alip_icp` is ahead in the transfer before.
 
     Args:
         params: limits of the adjustment.

@@ -223,10 +223,10 @@ def test_the_whole_robot_catches_itself_and_stands():
     assert summary["self_contacts"] == []
 
 
-def test_a_leg_that_is_swung_fast_does_not_hurry_the_clock():
-    """Oracle: 0.7 m/s by command, to 10 %; the leg's reaction is no push.
+def test_legs_that_are_swung_fast_do_not_carry_the_icp_away():
+    """Oracle: 0.7 m/s by command, to 10 %; on the way the ICP within 3 cm.
 
-    By the ICP alone, which that carries 5 cm ahead, it walks 0.47 m/s.
+    With a clock that goes by `icp` it walks 0.47 m/s.
     """
     scenario = load_scenario("walk_by_command", robot="g1", duration=6.0)
     scenario = scenario.changed(commands=[Command(time=0.1, forward=0.7)])
@@ -236,4 +236,4 @@ def test_a_leg_that_is_swung_fast_does_not_hurry_the_clock():
     way = last.achieved.p_WF[0] - first.achieved.p_WF[0]
     time = last.swing.end - first.swing.end
     assert way / time == pytest.approx(0.7, rel=0.1)
-    assert run.summary["fell_at"] is None
+    assert np.max(icp_error(run.logs)[run.logs["t"] > 3.0]) < 0.03

@@ -31,7 +31,7 @@ def plan_of(state):
 
 
 def inputs(state=IN_AIR, icp=OUT):
-    return dict(walking_state=state, icp=icp, icp_plan=plan_of(state))
+    return dict(walking_state=state, alip_icp=icp, icp_plan=plan_of(state))
 
 
 def expected_of(state, icp=OUT):
