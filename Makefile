@@ -128,12 +128,15 @@ $(MADE)/%.pushed:
 	sed -i 's,$(MADE),docs/results/single,' docs/results/single/$*/command.txt
 	touch $@
 
-G1_MORE := --robot g1 --resolution 0.1 --stride 4 \
-	--mechanisms all_with_cross_over
-LATER := right swing 50 %, right swing 75 %, left transfer 50 %
-$(MADE)/g1_mujoco.swept: SWEEP := $(G1_MORE) --replicas 1 --engine mujoco \
-	--at "right swing 25 %, $(LATER)"
-$(MADE)/g1_moments.swept: SWEEP := $(G1_MORE) --replicas 1 --at "$(LATER)"
+# Beside a policy: at four moments, and any landing counts, as its own steps
+# come down too hard.
+BESIDE := --robot g1 --resolution 0.1 --stride 4 --replicas 1 --scenario_text \
+	"{landing: {speed_along: 10.0, speed_down: 10.0, mean_force: 100.0}}"
+MOMENTS := --at "right swing 25 %, right swing 50 %, right swing 75 %, \
+	left transfer 50 %"
+G1_BESIDE := $(BESIDE) $(MOMENTS) --mechanisms all_with_cross_over
+$(MADE)/g1_moments.swept: SWEEP := $(G1_BESIDE)
+$(MADE)/g1_mujoco.swept: SWEEP := $(G1_BESIDE) --engine mujoco
 $(MADE)/sensors.swept: SWEEP := --sensors consumer \
 	--mechanisms all_with_cross_over
 STANDING := --at standing --resolution 0.05 --stride 4 \
@@ -143,18 +146,15 @@ $(MADE)/g1_standing.swept: SWEEP := --robot g1 $(STANDING)
 
 # A learned policy in the place of our controller, by its file on PyPI.
 POLICY := build/fastsac_g1_29dof.onnx
-POLICY_MORE := --robot g1 --resolution 0.1 --stride 4 --replicas 1 \
-	--controller $(POLICY)
+BESIDE_US := $(BESIDE) --controller $(POLICY)
 policy: .venv/installed-test $(POLICY) $(MADE)/g1_policy_moments.swept \
 		$(MADE)/g1_policy_mujoco.swept $(MADE)/g1_policy_ideal.swept \
 		$(MADE)/g1_policy_standing.swept
 
-$(MADE)/g1_policy_moments.swept: SWEEP := $(POLICY_MORE) \
-	--at "right swing 25 %, $(LATER)"
-$(MADE)/g1_policy_mujoco.swept: SWEEP := $(POLICY_MORE) --engine mujoco \
-	--at "right swing 25 %, $(LATER)"
-$(MADE)/g1_policy_ideal.swept: SWEEP := $(POLICY_MORE) --fidelity ideal
-$(MADE)/g1_policy_standing.swept: SWEEP := $(POLICY_MORE) --at standing
+$(MADE)/g1_policy_moments.swept: SWEEP := $(BESIDE_US) $(MOMENTS)
+$(MADE)/g1_policy_mujoco.swept: SWEEP := $(BESIDE_US) $(MOMENTS) --engine mujoco
+$(MADE)/g1_policy_ideal.swept: SWEEP := $(BESIDE_US) --fidelity ideal
+$(MADE)/g1_policy_standing.swept: SWEEP := $(BESIDE_US) --at standing
 build/%_g1_29dof.onnx:
 	$(BIN)/python -m pip install --no-deps --target build/holosoma \
 		holosoma-inference==0.1.3
