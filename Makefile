@@ -55,7 +55,7 @@ browser: .venv/installed-test
 # command goes on.
 MADE := build/$(shell git rev-parse --short HEAD)
 
-results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
+results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1_landing.swept \
 		$(MADE)/push/replay.html $(MADE)/blocks/replay.html \
 		$(MADE)/figures/nadia_figure_4.png
 	$(PIP_INSTALL) '.[notebook]'
@@ -82,7 +82,7 @@ results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1.swept \
 	sha256sum docs/*.gif docs/learn/*.ipynb docs/*.png docs/*.svg \
 		docs/results/*/*.png docs/results/*/*.svg >> docs/results/made.txt
 
-$(MADE)/g1.swept: SWEEP := --robot g1 --resolution 0.05 --stride 4 \
+$(MADE)/g1_landing.swept: SWEEP := --robot g1 --resolution 0.05 --stride 4 \
 	--mechanisms all_with_cross_over
 $(MADE)/%.swept:
 	$(BIN)/python scripts/envelope.py --replicas 3 $(SWEEP) --out $(MADE)/$*

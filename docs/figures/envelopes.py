@@ -110,7 +110,7 @@ def draw(results: Path) -> Figure:
     ours = "this package"
     robots = {
         "Nadia, 91 kg, soft landings": (
-            Curve(ours, OURS, "-", _limits(results / "landing")),
+            Curve(ours, OURS, "-", _limits(results / "fig10")),
             Curve("the Nadia paper's, Fig. 10", PAPER, "--", paper),
         ),
         "Unitree G1, 33 kg, earlier drives, any landing": (

@@ -34,7 +34,7 @@ def test_the_curves_are_those_of_the_tables():
         for line in csv.DictReader(lines)
     }
     expected = [
-        [published("landing"), paper],
+        [published("fig10"), paper],
         [published("g1"), published("g1_policy_moments")],
     ]
     figure = envelopes.draw(RESULTS)
@@ -57,7 +57,7 @@ def test_says_what_is_wrong_on_one_line(tmp_path, monkeypatch, capsys):
         (["--out", "a.gif"], "out = 'a.gif': must end in .png"),
         (
             ["--results", "b"],
-            "[Errno 2] No such file or directory: 'b/landing/l",
+            "[Errno 2] No such file or directory: 'b/fig10/l",
         ),
     ):
         assert_refused(run_script(envelopes, argv, capsys), message)
