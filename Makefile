@@ -55,7 +55,8 @@ browser: .venv/installed-test
 # command goes on.
 MADE := build/$(shell git rev-parse --short HEAD)
 
-results: .venv/installed-test browser $(MADE)/fig10.swept $(MADE)/g1_landing.swept \
+results: .venv/installed-test browser \
+		$(MADE)/fig10.swept $(MADE)/g1_landing.swept \
 		$(MADE)/push/replay.html $(MADE)/blocks/replay.html \
 		$(MADE)/figures/nadia_figure_4.png
 	$(PIP_INSTALL) '.[notebook]'
@@ -94,7 +95,7 @@ $(MADE)/%.swept:
 # What the limits of `make results` are worth elsewhere: single pushes at a share
 # of them, Atlas at its paper's, the G1 at other moments and in MuJoCo, sensors.
 SINGLE := 95 80 60 moments errors mujoco random fig6 fig6_2017 fig6_demo
-SWEPT := g1_moments g1_mujoco sensors standing g1_standing
+SWEPT := g1 g1_moments g1_mujoco sensors standing g1_standing
 
 robustness: .venv/installed-test \
 		$(SINGLE:%=$(MADE)/%.pushed) $(SWEPT:%=$(MADE)/%.swept)
@@ -128,15 +129,16 @@ $(MADE)/%.pushed:
 	sed -i 's,$(MADE),docs/results/single,' docs/results/single/$*/command.txt
 	touch $@
 
-# Beside a policy: at four moments, and any landing counts, as its own steps
-# come down too hard.
-BESIDE := --robot g1 --resolution 0.1 --stride 4 --replicas 1 --scenario_text \
+# Beside a policy any landing counts, as its own steps come down too hard.
+BESIDE := --robot g1 --stride 4 --scenario_text \
 	"{landing: {speed_along: 10.0, speed_down: 10.0, mean_force: 100.0}}"
-MOMENTS := --at "right swing 25 %, right swing 50 %, right swing 75 %, \
-	left transfer 50 %"
-G1_BESIDE := $(BESIDE) $(MOMENTS) --mechanisms all_with_cross_over
-$(MADE)/g1_moments.swept: SWEEP := $(G1_BESIDE)
-$(MADE)/g1_mujoco.swept: SWEEP := $(G1_BESIDE) --engine mujoco
+COARSE := --resolution 0.1 --replicas 1
+G1_BESIDE := $(BESIDE) --mechanisms all_with_cross_over
+LATER := right swing 50 %, right swing 75 %, left transfer 50 %
+$(MADE)/g1.swept: SWEEP := $(G1_BESIDE) --resolution 0.05
+$(MADE)/g1_moments.swept: SWEEP := $(G1_BESIDE) $(COARSE) --at "$(LATER)"
+$(MADE)/g1_mujoco.swept: SWEEP := $(G1_BESIDE) $(COARSE) --engine mujoco \
+	--at "right swing 25 %, $(LATER)"
 $(MADE)/sensors.swept: SWEEP := --sensors consumer \
 	--mechanisms all_with_cross_over
 STANDING := --at standing --resolution 0.05 --stride 4 \
@@ -146,7 +148,8 @@ $(MADE)/g1_standing.swept: SWEEP := --robot g1 $(STANDING)
 
 # A learned policy in the place of our controller, by its file on PyPI.
 POLICY := build/fastsac_g1_29dof.onnx
-BESIDE_US := $(BESIDE) --controller $(POLICY)
+BESIDE_US := $(BESIDE) $(COARSE) --controller $(POLICY)
+MOMENTS := --at "right swing 25 %, $(LATER)"
 policy: .venv/installed-test $(POLICY) $(MADE)/g1_policy_moments.swept \
 		$(MADE)/g1_policy_mujoco.swept $(MADE)/g1_policy_ideal.swept \
 		$(MADE)/g1_policy_standing.swept

@@ -22,7 +22,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MOST
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
@@ -39,7 +39,6 @@ REPLAYS = 3  # of the push
 # The push is the scenario's, times this: 0.7 m/s on Nadia, to the left.
 HARDER = 0.7 / 0.45
 AFTER = 2.0  # time from its begin [s]
-MOST = tuple(MECHANISMS)[-1]  # unless others are given
 
 
 @command_line.program

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MOST
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import STANDING, load_scenario
 from nadia_balance.diagrams.simulation import simulate
@@ -222,7 +222,7 @@ def _standing_push(model: RobotModel, robot: str, fidelity: str) -> str:
             "push": load_scenario("push", robot=robot, fidelity=fidelity)
         },
         at=(STANDING,),
-        mechanisms=tuple(MECHANISMS)[-1:],
+        mechanisms=(MOST,),
         search=SearchParams(resolution=COARSE * speed, stride=1, replicas=1),
     )
     (cell,) = sweep.cells()

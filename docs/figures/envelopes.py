@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from nadia_balance import palette
-from nadia_balance.core.walking.mechanisms import COLORS
+from nadia_balance.core.walking.mechanisms import COLORS, MOST
 from nadia_balance.diagrams.scenario import AT
 from nadia_balance.parameters.bounds import require
 from nadia_balance.results.folder import appearing
@@ -34,8 +34,7 @@ from nadia_balance.sweep.envelope_plot import (
 from nadia_balance.sweep.limits import PROTOCOLS, known_limits
 
 ROOT = Path(__file__).resolve().parents[2]
-ALL = "all_with_cross_over"
-OURS, PAPER, POLICY = COLORS[ALL], palette.RIGHT, palette.COP
+OURS, PAPER, POLICY = COLORS[MOST], palette.RIGHT, palette.COP
 
 
 class Curve(NamedTuple):
@@ -106,7 +105,7 @@ def draw(results: Path) -> Figure:
         ValueError: a sweep has no limits.
         OSError: a sweep cannot be read.
     """
-    paper = PROTOCOLS["nadia_fig10"].curves("push")[ALL]
+    paper = PROTOCOLS["nadia_fig10"].curves("push")[MOST]
     ours = "this package"
     robots = {
         "Nadia, 91 kg, soft landings": (
@@ -149,7 +148,7 @@ def _limits(folder: Path) -> dict[float, float]:
     return {
         cell.direction_deg: limit
         for cell, limit in known_limits(folder).items()
-        if (cell.at, cell.mechanisms) == (AT, ALL)
+        if (cell.at, cell.mechanisms) == (AT, MOST)
     }
 
 

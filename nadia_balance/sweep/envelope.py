@@ -6,7 +6,7 @@ from typing import Any
 
 from dask.system import CPU_COUNT
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MOST
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.own_blocks import name_of
 from nadia_balance.diagrams.scenario import AT, load_scenario
@@ -30,7 +30,7 @@ def envelope(
     *,
     directions: int | Sequence[float] = 12,
     at: str = AT,
-    mechanisms: Sequence[str] = tuple(MECHANISMS)[-1:],
+    mechanisms: Sequence[str] = (MOST,),
     blocks: Mapping[str, type | str | None] | None = None,
     controller: type | str = "",
     contract: Sequence[str] = (),

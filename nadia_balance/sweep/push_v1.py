@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MOST
 from nadia_balance.diagrams.scenario import (
     AT,
     STANDING,
@@ -139,7 +139,7 @@ def sweeps(
             blocks=dict(blocks or {}),
             directions=tuple(i * step for i in range(of_variant.directions)),
             at=part.at,
-            mechanisms=tuple(MECHANISMS)[-1:],
+            mechanisms=(MOST,),
             search=of_variant.search,
         )
         sweep.validate()

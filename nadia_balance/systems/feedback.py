@@ -122,7 +122,7 @@ class IcpStepController(Block):
     The discrete state holds the last three outputs, as of the last tick.
 
     Erratum: the ICP is `alip_icp`, which a leg that is swung does not carry
-    along; of the paper's 56 pushes Atlas recovers from 16, by `icp` from 13.
+    along, and by which the TimingAdapter goes, too.
 
     Args:
         params: gains, weights and limits of the QP.
