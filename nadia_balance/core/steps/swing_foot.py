@@ -75,7 +75,7 @@ class SwingFootParams:
         unit="m",
     )
     touchdown_velocity: float = bounded(
-        0.20,
+        0.35,
         doc="downward velocity at the end of the swing and after it",
         least=0.0,
         most=1.0,
