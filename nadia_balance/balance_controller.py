@@ -159,7 +159,7 @@ class CapturePointController(Diagram):
                            velocity_command, mechanisms
     icp_planner            walking_state                     icp_plan,
                                                              icp_reference
-    timing_adapter         alip_icp, icp_plan,               time_adjustment
+    timing_adapter         icp, alip_icp, icp_plan,          time_adjustment
                            walking_state, foot_poses,
                            mechanisms
     step_adjuster          alip_icp, walking_state,          adjustment,

@@ -468,7 +468,8 @@ class TimingAdapter(Block):
 
     Erratum: the ICP is `alip_icp`.  The angular momentum of a leg that is
     swung fast carries the `icp` ahead in mid-swing only, when hurrying makes
-    it faster still; `alip_icp` is ahead in the transfer before.
+    it faster still; `alip_icp` is ahead in the transfer before.  Only if both
+    leave the support, the rest of a swing is skipped at once.
 
     Args:
         params: limits of the adjustment.
@@ -478,7 +479,8 @@ class TimingAdapter(Block):
     .. pydrake_system::
 
         name: TimingAdapter
-        input_ports: [walking_state, icp_plan, alip_icp, foot_poses, mechanisms]
+        input_ports: [walking_state, icp_plan, icp, alip_icp, foot_poses,
+                      mechanisms]
         output_ports: [time_adjustment]
     """
 
@@ -490,7 +492,8 @@ class TimingAdapter(Block):
         self._timing = Timing(params, model, period)
         self._walking = input_port(self, "walking_state")
         self._plan = input_port(self, "icp_plan")
-        self._icp = input_port(self, "alip_icp")
+        self._icp = input_port(self, "icp")
+        self._alip_icp = input_port(self, "alip_icp")
         self._feet = input_port(self, "foot_poses")
         self._mechanisms = optional_input(self, "mechanisms", default=USUAL)
         declare_output(self, "time_adjustment", self._calc)
@@ -500,6 +503,7 @@ class TimingAdapter(Block):
             self._walking(context),
             plan=self._plan(context),
             icp=self._icp(context),
+            alip_icp=self._alip_icp(context),
             feet=self._feet(context),
             on=self._mechanisms(context),
         )

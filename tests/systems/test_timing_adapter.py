@@ -21,11 +21,13 @@ def test_proposes_what_the_core_says(on):
     first = walk(length=0.0)
     schedule = successor(first, planned(first))
     plan, state = planned(schedule), WalkingState(schedule, NOW, NOW)
-    icp, feet = plan.at(NOW + 0.5).icp, schedule.feet
+    icp, ahead = plan.at(NOW).icp, plan.at(NOW + 0.5).icp
+    feet = schedule.feet
     adapter = TimingAdapter(PARAMS, MODEL, PERIOD)
     context = asked(
         adapter,
-        alip_icp=icp,
+        icp=icp,
+        alip_icp=ahead,
         icp_plan=plan,
         walking_state=state,
         foot_poses=feet,
@@ -33,7 +35,7 @@ def test_proposes_what_the_core_says(on):
     if on is not None:
         fix(adapter, context, mechanisms=on.as_vector())
     timing = Timing(PARAMS, MODEL, PERIOD)
-    expected = timing.adjustment(state, plan, icp, feet, on or ALL)
+    expected = timing.adjustment(state, plan, icp, ahead, feet, on or ALL)
     adjustment = answer(adapter, context, "time_adjustment")
     np.testing.assert_array_equal(adjustment, expected)
     assert (expected.now > 0.0) is (on is None or on.swing)

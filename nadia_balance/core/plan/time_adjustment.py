@@ -174,20 +174,23 @@ class Timing:
         state: WalkingState,
         plan: IcpPlan,
         icp: Array,
+        alip_icp: Array,
         feet: FootPoses,
         on: Mechanisms,
     ) -> TimeAdjustment:
         """The advance is gamma times the time ahead (Nadia paper, Eq. 15).
 
-        The measured ICP is ahead of the plan by that time.  The advance is all
-        the time left if the ICP then is still leaving the support
-        (`is_leaving`).  The remaining time has lower bounds; the clock is held
-        if the foot is late.
+        The measured `alip_icp` is ahead of the plan by that time.  The advance
+        is all the time left if then both ICPs are still leaving the support
+        (`is_leaving`): after a push they do, while in an undisturbed walk one
+        of them departs from the plan by as much as legs and arms swing.  The
+        remaining time has lower bounds; the clock is held if the foot is late.
 
         Args:
             state: walking state.
             plan: ICP plan of its schedule.
             icp: measured ICP (2,) in W [m].
+            alip_icp: that with the momentum about the contact (2,) in W [m].
             feet: measured soles in W.
             on: mechanisms, of which `swing` and `transfer` count.
 
@@ -203,7 +206,7 @@ class Timing:
             time_constant = params.transfer_time_constant
         else:
             return TimeAdjustment(now=0.0, in_all=0.0)
-        error = icp - plan.at(state.time_in_phase).icp
+        error = alip_icp - plan.at(state.time_in_phase).icp
         hurried = math.hypot(*error.tolist()) >= params.icp_error_threshold
         least = params.min_transfer_duration - state.elapsed
         if swings and (hurried or abs(state.gained_time) > _NOTHING):
@@ -217,7 +220,12 @@ class Timing:
         if not hurried or available <= 0.0:
             return TimeAdjustment(now=0.0, in_all=0.0)
         return self._advance(
-            state, plan, icp, available=available, time_constant=time_constant
+            state,
+            plan,
+            icp,
+            alip_icp,
+            available=available,
+            time_constant=time_constant,
         )
 
     def _advance(
@@ -225,18 +233,23 @@ class Timing:
         state: WalkingState,
         plan: IcpPlan,
         icp: Array,
+        alip_icp: Array,
         available: float,
         time_constant: float,
     ) -> TimeAdjustment:
         """Returns the advance of the clock, up to the `available` time [s]."""
-        ahead = plan.time_to(icp, state.time_in_phase)
+        ahead = plan.time_to(alip_icp, state.time_in_phase)
         future = plan.at(state.time_in_phase + ahead)
-        error = math.dist(icp, future.icp)
-        if error >= self.params.icp_error_threshold and is_leaving(
-            icp,
-            reference=future,
-            support=support_polygon(state.schedule, self.model.cop_area),
-            margin=self.params.support_margin,
+        support = support_polygon(state.schedule, self.model.cop_area)
+        if all(
+            math.dist(measured, future.icp) >= self.params.icp_error_threshold
+            and is_leaving(
+                measured,
+                reference=future,
+                support=support,
+                margin=self.params.support_margin,
+            )
+            for measured in (alip_icp, icp)
         ):
             return TimeAdjustment(available, available)
         return TimeAdjustment(

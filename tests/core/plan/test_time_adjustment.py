@@ -11,6 +11,7 @@ from nadia_balance.core.plan.icp_plan import IcpReference
 from nadia_balance.core.plan.time_adjustment import (
     Timing,
     TimingAdapterParams,
+    gamma,
     is_leaving,
 )
 from nadia_balance.core.walking.state import (
@@ -51,10 +52,13 @@ def timing_of(params=PARAMS, detour=DETOUR):
     return Timing(params, replace(walks.MODEL, detour=detour), PERIOD)
 
 
-def adjusted(icp, plan, state, params=PARAMS, feet=None, detour=DETOUR):
+def adjusted(
+    icp, plan, state, params=PARAMS, feet=None, detour=DETOUR, alip_icp=None
+):
     feet = feet or state.schedule.feet
     timing, icp = timing_of(params, detour), np.array(icp)
-    return timing.adjustment(state, plan, icp, feet, walks.ALL)
+    alip_icp = icp if alip_icp is None else np.array(alip_icp)
+    return timing.adjustment(state, plan, icp, alip_icp, feet, walks.ALL)
 
 
 def adjustment(*args, **options):
@@ -235,6 +239,23 @@ def test_an_icp_that_leaves_hurries_all_it_can_at_once():
     nimble = replace(walks.IDEAL_DETOUR, max_acceleration=1e6)
     gain = adjustment([9.0, 0.125], plan, state, detour=nimble)
     assert gain == pytest.approx(schedule.duration - 0.4, abs=1e-12)
+
+
+def test_one_icp_that_leaves_alone_skips_nothing():
+    """Oracle: gamma of what is ahead, for a leg whose momentum looks so."""
+    schedule, plan = swing(length=0.0)
+    state = WalkingState(schedule, 0.1, 0.1)
+    still, gone = plan.at(0.1).icp, [9.0, 0.125]
+    nimble = replace(walks.IDEAL_DETOUR, max_acceleration=1e6)
+    options = {"plan": plan, "state": state, "detour": nimble}
+    everything = adjusted(gone, **options)
+    one = adjusted(still, alip_icp=gone, **options)
+    ahead = plan.time_to(np.array(gone), 0.1)
+    share = gamma(PARAMS.swing_time_constant, PERIOD)
+    assert one.now == pytest.approx(min(share * ahead, everything.now))
+    assert one.now < everything.now
+    # The icp alone does not even hurry.
+    assert adjusted(gone, alip_icp=still, **options).now == 0.0
 
 
 @pytest.mark.parametrize("phase", [swing, transfer])
