@@ -47,7 +47,7 @@ JOINT_CONTROL = (
     "whole_body_terms momentum_rate swing_foot_reference walking_state "
     "friction mechanisms icp icp_reference"
 )
-TIME_ADJUSTMENT = "alip_icp icp_plan walking_state mechanisms foot_poses"
+TIME_ADJUSTMENT = "icp alip_icp icp_plan walking_state mechanisms foot_poses"
 STEP_ADJUSTMENT = "alip_icp walking_state time_adjustment foot_poses mechanisms"
 STEP_CONTROL = "alip_icp walking_state time_adjustment mechanisms icp_plan"
 HEIGHT_CONTROL = "com_state ecmp_command walking_state"

@@ -240,13 +240,12 @@ class Timing:
         """Returns the advance of the clock, up to the `available` time [s]."""
         ahead = plan.time_to(alip_icp, state.time_in_phase)
         future = plan.at(state.time_in_phase + ahead)
-        support = support_polygon(state.schedule, self.model.cop_area)
         if all(
             math.dist(measured, future.icp) >= self.params.icp_error_threshold
             and is_leaving(
                 measured,
                 reference=future,
-                support=support,
+                support=support_polygon(state.schedule, self.model.cop_area),
                 margin=self.params.support_margin,
             )
             for measured in (alip_icp, icp)
