@@ -33,8 +33,8 @@ def test_a_small_point_mass_recovers_as_a_large_one(tmp_path, delta_v, way):
     """Oracle: the same motion, while the ICP goes 0.1 m and 1 m.
 
     To 2.5 mm: the via points of the swing are on a grid of 10 ms for either,
-    unless a touchdown then falls into the next tick (10 mm at 1 m/s, forward
-    or at 30 deg).
+    unless a touchdown then falls into the next tick (1 m/s at 30 deg: 10 mm;
+    forward: 4 mm).
     """
     small = str(scaled_nadia(SMALL, tmp_path))
     found = pushed(SMALL, small, delta_v, way)

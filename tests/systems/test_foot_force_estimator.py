@@ -174,9 +174,8 @@ def noisy(log, limits):
 def test_drives_that_do_not_know_their_torques_well(robot, wrong):
     """Oracle: Drake's contact results of the walk before.
 
-    Friction alone, 7 N m at Nadia's ankle, takes two percent of the weight more
-    than the 8 % of drives that know their torques: it is largest, and changes
-    its sign, as a foot touches down.
+    Friction alone, 7 N m at Nadia's ankle, takes 2.4 % of the weight more than
+    the 7.6 % of drives that know their torques, at any time of a step.
     """
     model, log = walked(robot)
     torques = wrong(log, log["effort_limits"])
