@@ -16,7 +16,7 @@ import numpy as np
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import PEAK, SwingEdges
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.state import FootPose, Phase, WalkingState
+from nadia_balance.core.walking.state import FootPose, Mode, Phase, WalkingState
 from nadia_balance.parameters.bounds import bounded, parameters
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
@@ -75,8 +75,16 @@ class SwingFootParams:
         unit="m",
     )
     touchdown_velocity: float = bounded(
-        0.35,
+        0.2,
         doc="downward velocity at the end of the swing and after it",
+        least=0.0,
+        most=1.0,
+        unit="m/s",
+    )
+    recovery_touchdown_velocity: float = bounded(
+        0.35,
+        doc="the same of a step that has to catch the robot, and must not be "
+        "late",
         least=0.0,
         most=1.0,
         unit="m/s",
@@ -176,7 +184,10 @@ class SwingFoot:
         end = np.zeros((3, 4))
         turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
         end[0] = *goal.p_WF, start[0, YAW] + turn
-        end[1, Z] = -self.params.touchdown_velocity
+        slow = self.params.touchdown_velocity
+        if state.mode is Mode.RECOVERING:
+            slow = self.params.recovery_touchdown_velocity
+        end[1, Z] = -slow
         height = float(start[0, 2] - end[0, 2])
         left = state.remaining_time + (_SOON if state.waiting else self.period)
         # The horizontal motion ends before the vertical one.
@@ -200,15 +211,15 @@ class SwingFoot:
             left,
             over if arrived else over + settling,
             height / detour.max_descent,
-            self._time_to_descend(height, descent),
+            self._time_to_descend(height, descent, slow),
         )
-        braking = self._time_to_brake(height, descent)
+        braking = self._time_to_brake(height, descent, slow)
         left = braking or left
         # With constant deceleration, but for the tick that lands.
         if braking > self.period + self.lead:
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
         landing = end[:, Z].copy()
-        if not self._sinks(height, descent, left):
+        if not _sinks(height, descent, slow, left):
             apex = self._apex(
                 z=float(start[0, 2]),
                 ground=float(end[0, 2]) if edges is None else edges.top,
@@ -231,34 +242,35 @@ class SwingFoot:
         # The clock may run out before the descent to a foothold down a step.
         low = arrived and (edges is None or height < radius)
         if state.waiting and low and not braking:  # sink until contact
-            left, slow = _SINKING, self.params.touchdown_velocity
-            mean = 0.5 * (float(start[1, 2]) - slow)
-            end[:, 2] = start[0, 2] + mean * left, -slow, 0.0
+            left = _SINKING
+            end[:, 2] = start[0, 2] - 0.5 * (descent + slow) * left, -slow, 0.0
         return end, np.array([over, over, left, over])
 
-    def _time_to_descend(self, height: float, descent: float) -> float:
+    def _time_to_descend(
+        self, height: float, descent: float, slow: float
+    ) -> float:
         """Returns the least time [s] to touchdown from a `height` [m].
 
         The foot, which descends at `descent` [m/s], accelerates and brakes to
-        the touchdown velocity, with `_GENTLE` of the largest deceleration: the
-        quintic has a higher peak.  0 for a foot that rises.
+        the velocity `slow` [m/s], with `_GENTLE` of the largest deceleration:
+        the quintic has a higher peak.  0 for a foot that rises.
         """
         if height <= 0.0 or descent <= 0.0:
             return 0.0
-        slow = self.params.touchdown_velocity
         a = _GENTLE * self.model.detour.max_braking
         fastest = math.sqrt(a * height + 0.5 * (descent**2 + slow**2))
         if fastest <= max(descent, slow):
             return 2.0 * height / (descent + slow)
         return (2.0 * fastest - descent - slow) / a
 
-    def _time_to_brake(self, height: float, descent: float) -> float:
+    def _time_to_brake(
+        self, height: float, descent: float, slow: float
+    ) -> float:
         """Returns the time [s] to touchdown of a foot that has to brake now.
 
         The foot descends at `descent` [m/s] from a `height` [m] with a constant
-        deceleration to the touchdown velocity.  0 if it need not brake yet.
+        deceleration to the velocity `slow` [m/s].  0 if it need not brake yet.
         """
-        slow = self.params.touchdown_velocity
         room = 2.0 * self.model.detour.max_braking * height
         if height <= 0.0 or descent <= slow or descent**2 - slow**2 < room:
             return 0.0
@@ -288,14 +300,6 @@ class SwingFoot:
             left *= _STRETCH
         return aim, left
 
-    def _sinks(self, height: float, descent: float, left: float) -> bool:
-        """True for a foot that descends to land in the time `left` [s].
-
-        One that would be down from its `height` [m] long before is lifted.
-        """
-        mean = 0.5 * (descent + self.params.touchdown_velocity)
-        return descent > 0.0 and left * mean < _TO_SPARE * height
-
     def _apex(
         self, z: float, ground: float, left: float, state: WalkingState
     ) -> Array | None:
@@ -308,6 +312,15 @@ class SwingFoot:
         lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
         apex = max(lift_off, ground) + height
         return np.array([apex]) if z < apex else None
+
+
+def _sinks(height: float, descent: float, slow: float, left: float) -> bool:
+    """True for a foot that descends to land in the time `left` [s].
+
+    One that would be down long before is lifted: from its `height` [m], between
+    its velocity now and that at the touchdown [m/s].
+    """
+    return descent > 0.0 and 0.5 * (descent + slow) * left < _TO_SPARE * height
 
 
 def _past(

@@ -148,21 +148,34 @@ def test_a_leg_that_uncrosses_is_not_lifted_so_high(y):
     assert z.max() == pytest.approx(height, abs=2e-3)
 
 
-@pytest.mark.parametrize("rate", [0.0, 0.15])
-def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(rate):
+@pytest.mark.parametrize(
+    ("rate", "reactive", "slow"),
+    [
+        (0.0, False, PARAMS.touchdown_velocity),
+        (0.15, False, PARAMS.touchdown_velocity),
+        (0.0, True, PARAMS.recovery_touchdown_velocity),
+    ],
+)
+def test_a_foot_that_hangs_over_its_foothold_sinks_without_a_jump(
+    rate, reactive, slow
+):
     """Oracle: the trapezoidal rule, exact up to (third derivative) T^3 / 12.
 
     It rises at `rate` when the clock has run out; at first it jumped to the
-    touchdown velocity in one tick.
+    touchdown velocity in one tick.  A `reactive` step catches the robot.
     """
     pva = np.zeros((3, 4))
     pva[0], pva[1, 2] = (0.4, -0.15, 0.02, 0.2), rate
-    path = np.array([pva, *follow(100 * [swing_state(0.7)], pva)])
+    state = swing_state(0.7)
+    step = replace(state.schedule.footsteps[0], reactive=reactive)
+    schedule = replace(state.schedule, footsteps=(step,))
+    state = replace(state, schedule=schedule)
+    path = np.array([pva, *follow(100 * [state], pva)])
     _, v, a = path[:, :, 2].T
     mean = 0.5 * (a[1:] + a[:-1])
     assert np.diff(v) == pytest.approx(mean * PERIOD, abs=1e-4)
-    assert v[-1] == pytest.approx(-PARAMS.touchdown_velocity, rel=0.05)
-    assert v.min() > -1.5 * PARAMS.touchdown_velocity
+    assert v[-1] == pytest.approx(-slow, rel=0.05)
+    assert v.min() > -1.5 * slow
 
 
 @pytest.mark.parametrize(("descent", "left"), [(0.3, 0.0), (0.7, 0.04)])
