@@ -126,9 +126,15 @@ def test_what_touches_is_seen_in_the_shapes_alone(height):
 def test_walks_where_it_is_told():
     """Oracle: the footholds, and the bars: 2 cm beside them, 5 mm of slip.
 
-    The ICP is within half of its bar of 2 cm; touchdowns move it most.
+    The ICP is within half of its bar of 2 cm; touchdowns move it most.  A foot
+    lands with at most 1.5 body weights in a tick, 0.1 m/s along the ground.
     """
-    found = runs.simulated(WALK).summary
+    run = runs.simulated(WALK)
+    landed = signal_view(run.logs, "touchdowns")
+    assert landed.time.size == 3
+    assert landed.speed_along.max() <= 0.1
+    found = run.summary
+    assert found["max_impact_body_weights"] <= 1.5
     assert found["recovered"]
     assert found["steps_taken"] == 3
     assert found["footstep_error_m"] < 0.02
