@@ -1,8 +1,8 @@
 """Draws what Nadia and the G1 recover from, in one picture.
 
 Beside Nadia's limits are the paper's, beside the G1's those of a learned
-policy, both with earlier drives and counting any landing; all of them from the
-tables in docs/results.
+policy, for both of which any landing counts; all of them from the tables in
+docs/results.
 
 Example:
     python docs/figures/envelopes.py --out envelopes.png
@@ -112,7 +112,7 @@ def draw(results: Path) -> Figure:
             Curve(ours, OURS, "-", _limits(results / "fig10")),
             Curve("the Nadia paper's, Fig. 10", PAPER, "--", paper),
         ),
-        "Unitree G1, 33 kg, earlier drives, any landing": (
+        "Unitree G1, 33 kg, any landing": (
             Curve(ours, OURS, "-", _limits(results / "g1")),
             Curve(
                 "a learned policy (FastSAC)",
