@@ -126,8 +126,8 @@ def test_what_touches_is_seen_in_the_shapes_alone(height):
 def test_walks_where_it_is_told():
     """Oracle: the footholds, and the bars: 2 cm beside them, 5 mm of slip.
 
-    The ICP is within half of its bar of 2 cm; touchdowns move it most.  A foot
-    lands with at most 1.5 body weights in a tick, 0.1 m/s along the ground.
+    A foot lands with at most 1.5 body weights in a tick, and 0.1 m/s along the
+    ground.
     """
     run = runs.simulated(WALK)
     landed = signal_view(run.logs, "touchdowns")
@@ -139,7 +139,7 @@ def test_walks_where_it_is_told():
     assert found["steps_taken"] == 3
     assert found["footstep_error_m"] < 0.02
     assert found["stance_slip_m"] < 0.005
-    assert found["max_icp_error_m"] < 0.01
+    assert found["max_icp_error_m"] < 0.008
     assert found["qp_failures"] == 0
 
 
