@@ -35,9 +35,9 @@ class LiftOffParams:
     """ICP error for which a foot is lifted, and the longest wait for it.
 
     The foot is lifted when the ICP error is within an ellipse in the sole
-    frame.  The wait is extended while the ICP error can be reduced; not for
-    feet far apart: the ankle of the trailing foot would meet its limit, and
-    the pelvis would tilt.
+    frame.  The wait is extended while the ICP error can be reduced.  With feet
+    far apart there is none, if footholds can be adjusted: as the CoM moves on,
+    the ankle of the trailing foot would meet its limit, and the pelvis tilt.
     """
 
     icp_error_forward: float = bounded(
@@ -100,7 +100,7 @@ class LiftOffParams:
     )
     held_stance: float = bounded(
         0.45,
-        doc="largest distance of the feet for a longer wait",
+        doc="largest distance of the feet for a wait",
         least=0.0,
         finite=False,
         unit="m",
@@ -257,9 +257,9 @@ class StateMachine:
         # A share of real time: an advanced clock may pass half of the plan
         # before the foot has left the ground.
         whole = elapsed + schedule.duration - time
-        impulse = 0.0
-        if swings and carries and elapsed >= params.earliest_touchdown * whole:
-            impulse = state.contact_impulse + period * force
+        touches = (
+            swings and carries and elapsed >= params.earliest_touchdown * whole
+        )
         return WalkingState(
             schedule,
             time_in_phase=time,
@@ -270,7 +270,9 @@ class StateMachine:
                 if done and schedule.phase is Phase.TRANSFER
                 else 0.0
             ),
-            contact_impulse=impulse,
+            contact_impulse=(
+                state.contact_impulse + period * force if touches else 0.0
+            ),
             contact_time=state.contact_time + period if carries else 0.0,
             steps_taken=state.steps_taken,
             adjustment=state.adjustment,
@@ -284,7 +286,8 @@ class StateMachine:
         In double support, the eCMP can be held beyond the ICP, on the far side
         of the support: the ICP moves back by room (e^wt - 1) (Nadia paper, Eq.
         3).  If this cannot return the ICP within `max_wait`, the foot is lifted
-        at once.  Crossed legs are always uncrossed at once, as the rear thigh
+        at once, as it is with feet far apart (`held_stance`) unless it may wait
+        for ever.  Crossed legs are always uncrossed at once, as the rear thigh
         approaches the other shin while the CoM moves on.  All this holds once
         the foot that has landed carries, or for `max_wait`.
 
@@ -308,24 +311,19 @@ class StateMachine:
         if schedule.legs_crossed or not schedule.footsteps:
             return True
         error = icp - plan.at(schedule.duration).icp
-        excess = 1.0 - 1.0 / max(_size(error, schedule, params), 1e-9)
-        if excess < 0.0:
+        size = _size(error, schedule, params)
+        left, right = (schedule.feet[side].p_WF[:2] for side in Side)
+        apart = math.dist(left, right) > params.held_stance
+        if size < 1.0 or (apart and math.isfinite(max_wait)):
             return True
         length = math.hypot(*error)
         support = support_polygon(schedule, self.model.cop_area)
         room = float(np.max((support - icp) @ (error / length)))
-        if (
-            room >= params.held_room
-            and waited < params.max_held_wait
-            and math.dist(
-                schedule.feet.left.p_WF[:2], schedule.feet.right.p_WF[:2]
-            )
-            <= params.held_stance
-        ):
+        if room >= params.held_room and waited < params.max_held_wait:
             return False
         room += params.ecmp_outside
         growth = math.expm1(min(self.model.omega * (max_wait - waited), _HUGE))
-        return room <= 0.0 or room * growth < length * excess
+        return room <= 0.0 or room * growth < length * (1.0 - 1.0 / size)
 
     def _adjusted(
         self,
