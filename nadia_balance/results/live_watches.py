@@ -11,6 +11,7 @@ import numpy as np
 from nadia_balance.core.body.reachability import distance_between
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import project
+from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.core.steps.foothold_adjustment import CaptureRegions
 
 REMEMBERED = 1.0  # time before a fall that may say why [s]
@@ -76,7 +77,7 @@ def clipped_words(command: Array, limits: Array) -> str:
         Such as `more than it can walk: 0.85 of 0.90 m/s forward is taken`; ""
         for a command within the limits.
     """
-    taken = np.clip(command, limits[0], limits[1])
+    taken = within_limits(command, limits)
     parts = [
         f"{_signed(least)} of {_signed(asked)} {unit} {name}"
         for (name, unit), asked, least in zip(

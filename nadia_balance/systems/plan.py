@@ -23,6 +23,7 @@ from nadia_balance.core.plan.footstep_plan import (
     FootstepPlan,
     FootstepPlannerParams,
     velocity_limits,
+    within_limits,
 )
 from nadia_balance.core.plan.gait import (
     Gait,
@@ -203,8 +204,8 @@ class FootstepPlanner(Block):
     `footsteps` are those after the present phase, () to stand; of the foot in
     the air, as if it landed now.  `revised_footsteps` have not landed yet; they
     follow a command that has changed, and are None otherwise.  The state is the
-    velocity of the walk (3,), which follows the `velocity_command`, clipped to
-    the robot's `limits` (see velocity_limits).
+    velocity of the walk (3,), which follows the `velocity_command`, within the
+    robot's `limits` (see velocity_limits and within_limits).
 
     Args:
         params: rules of the planner.
@@ -274,7 +275,7 @@ class FootstepPlanner(Block):
         command: Array = self._command(context)
         if not any(command.tolist()):
             return command
-        return np.clip(command, self.limits[0], self.limits[1])
+        return within_limits(command, self.limits)
 
     def _update(self, context: Context, state: State) -> None:
         velocity = self._velocity(context)

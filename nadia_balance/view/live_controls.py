@@ -8,6 +8,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, LeafSystem
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.core.walking.mechanisms import LABELS, Mechanisms
 
 PUSH, PUSH_KEY = "Push", "KeyP"
@@ -200,8 +201,8 @@ def stick_command(axes: Sequence[float], limits: Array) -> Array:
         axes: left stick to the right, left stick down, right stick to the
             right, ..., each in [-1, 1]; missing ones are at rest.
         limits: least and most of the command, (2, 3).  A stick that is pushed
-            all the way commands them; the left one forward and aside, the
-            right one turns.
+            all the way commands them, both as much as can be walked at once;
+            the left one forward and aside, the right one turns.
 
     Returns:
         Forward, left [m/s] and turn [rad/s], (3,); 0 in the DEAD_ZONE.
@@ -210,7 +211,9 @@ def stick_command(axes: Sequence[float], limits: Array) -> Array:
     pushed = -np.array([down, right, clockwise])
     beyond = np.maximum(np.abs(pushed) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
     least, greatest = limits
-    return np.asarray(beyond * np.where(pushed > 0.0, greatest, least))
+    return within_limits(
+        beyond * np.where(pushed > 0.0, greatest, least), limits
+    )
 
 
 def slider_step(limit: float) -> float:

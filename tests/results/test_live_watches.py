@@ -133,11 +133,12 @@ def test_says_what_is_taken_of_a_command_that_is_too_fast():
     limits = np.array([[-0.5, -0.3, -0.8], [0.85, 0.3, 0.8]])
     words = "more than it can walk: "
     for command, said in (
-        ((0.85, -0.3, 0.0), ""),
-        ((0.9, 0.0, 0.1), f"{words}0.85 of 0.90 m/s forward is taken"),
+        ((0.85, 0.0, 0.0), ""),
+        ((-0.3, 0.18, 0.4), ""),  # 0.6, 0.6 and 0.5 of them
+        ((0.9, 0.0, 0.0), f"{words}0.85 of 0.90 m/s forward is taken"),
         (
-            (-0.6, 0.1, 1.0),
-            f"{words}-0.50 of -0.60 m/s forward, 0.80 of 1.00 rad/s turn is "
+            (-0.6, 0.0, 1.28),  # 1.2 and 1.6: twice of what it can
+            f"{words}-0.30 of -0.60 m/s forward, 0.64 of 1.28 rad/s turn is "
             "taken",
         ),
     ):

@@ -209,13 +209,15 @@ def test_lets_go(how):
 
 
 def test_walks_as_keys_or_sticks_say():
-    """Oracle: the limits; a stick all the way commands them, at rest none."""
+    """Oracle: the limits, of two at once 0.5^0.5; none of a stick at rest."""
     told = Told().balancing()
     told.process.velocity = np.array([0.1, 0.0, 0.2])
     told.hear(2)
     np.testing.assert_array_equal(told.balance.ticks[-1][3], [0.1, 0.0, 0.2])
     told.hear(2, sticks=np.array([1.0, -1.0, 0.0]))
-    np.testing.assert_allclose(told.balance.ticks[-1][3], [0.4, -0.1, 0.0])
+    np.testing.assert_allclose(
+        told.balance.ticks[-1][3], np.sqrt(0.5) * np.array([0.4, -0.1, 0.0])
+    )
     told.hear(2, sticks=np.array([0.0, 0.1, -1.0]))
     np.testing.assert_allclose(told.balance.ticks[-1][3], [0.0, 0.0, -0.5])
     told.process.stop("a key")

@@ -205,10 +205,32 @@ def velocity_limits(
     Returns:
         The least and the largest velocity (2, 3) [m/s], [m/s], [rad/s].
     """
-    forwards, backwards = np.maximum(
-        _limits(params, model, 1.0), _limits(params, model, params.least_share)
-    )
-    return np.array([-backwards, forwards])
+    paces = [_limits(params, model, p) for p in (1.0, params.least_share)]
+    return np.array([np.min(paces, axis=0)[0], np.max(paces, axis=0)[1]])
+
+
+def within_limits(velocity: Array, limits: Array) -> Array:
+    """The velocity, slower in the same direction if it is too fast.
+
+        |velocity / limits| <= 1
+
+    A foot that moves ahead, aside and round at once has one way to go, and one
+    time for it: full speed in two of these would ask for twice of it.
+
+    Args:
+        velocity: forward, left and turn (3,) [m/s], [m/s], [rad/s].
+        limits: the least and the largest of each alone (2, 3).
+
+    Returns:
+        The velocity (3,).
+    """
+    return velocity / max(_share_of(velocity, limits), 1.0)
+
+
+def _share_of(velocity: Array, limits: Array) -> float:
+    """Returns the norm [-] of a velocity: 1 on the ellipsoid of `limits`."""
+    limit = np.where(velocity > 0.0, limits[1], -limits[0])
+    return math.hypot(*(velocity / np.maximum(limit, _STILL)).tolist())
 
 
 def pace(
@@ -225,16 +247,14 @@ def pace(
         1, or less if it is too fast for the reach in steps as long as planned;
         at least `least_share` [-].
     """
-    forwards, backwards = _limits(params, model, 1.0)
-    limits = np.where(velocity > 0.0, forwards, backwards)
-    share = float(np.min(limits / np.maximum(np.abs(velocity), _STILL)))
-    return min(max(share, params.least_share), 1.0)
+    share = _share_of(velocity, _limits(params, model, 1.0))
+    return min(max(1.0 / max(share, _STILL), params.least_share), 1.0)
 
 
 def _limits(
     params: FootstepPlannerParams, model: PointMassModel, pace: float
 ) -> Array:
-    """Returns the largest speeds (2, 3), forwards and backwards, of a pace.
+    """Returns the least and the largest velocity (2, 3) of a pace.
 
     A step is within `share_of_reach` of the base region, and its foot, which
     moves by two steps, is there within `share_of_swing`.
@@ -257,7 +277,7 @@ def _limits(
     aside = 0.5 * min(aside, length)
     turn = math.radians(params.max_turn_deg)
     time = pace * (params.swing_duration + params.transfer_duration)
-    return np.array([[ahead, aside, turn], [back, aside, turn]]) / time
+    return np.array([[-back, -aside, -turn], [ahead, aside, turn]]) / time
 
 
 def room_inside(model: PointMassModel) -> float:

@@ -18,6 +18,7 @@ from nadia_balance.core.plan.footstep_plan import (
     pace,
     room_inside,
     velocity_limits,
+    within_limits,
 )
 from nadia_balance.core.steps.capture_region import (
     CaptureRegionStepAdjusterParams,
@@ -257,6 +258,18 @@ def test_limits_are_those_of_reach_foot_speed_and_step_time():
     assert pace(PARAMS, slow, np.array([0.3, 0.0, 0.0])) == 1.0
     quick = pace(PARAMS, slow, np.array([0.0, 0.4, 0.0]))
     assert quick == pytest.approx((aside / 0.8) / 0.4)
+    # Of two limits of long steps 1.2 and 1.6, which is 2 at once.
+    both = np.array([0.0, 1.2 * aside, 1.6 * math.radians(30.0)]) / 0.8
+    assert pace(PARAMS, slow, both) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("times", [0.9, 1.0, 5.0])
+def test_two_speeds_at_once_share_the_way_that_a_foot_can_go(times):
+    """Oracle: Pythagoras: of 0.6 and 0.8 of two limits all is taken."""
+    both = np.array([0.6 * LIMITS[1, 0], 0.0, 0.8 * LIMITS[0, 2]])
+    assert within_limits(times * both, LIMITS) == pytest.approx(
+        min(times, 1.0) * both
+    )
 
 
 def test_the_speed_changes_by_the_acceleration_in_each_step():
