@@ -217,12 +217,15 @@ def within_limits(velocity: Array, limits: Array) -> Array:
     A foot that moves ahead, aside and round at once has one way to go, and one
     time for it: full speed in two of these would ask for twice of it.
 
+    Neither paper has this.
+
     Args:
         velocity: forward, left and turn (3,) [m/s], [m/s], [rad/s].
-        limits: the least and the largest of each alone (2, 3).
+        limits: the least and the largest of each alone, below and above 0
+            (2, 3) [m/s], [m/s], [rad/s].
 
     Returns:
-        The velocity (3,).
+        The velocity (3,) [m/s], [m/s], [rad/s].
     """
     return velocity / max(_share_of(velocity, limits), 1.0)
 

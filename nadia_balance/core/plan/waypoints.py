@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.core.walking.state import (
     ContactSchedule,
     FootPose,
@@ -102,8 +103,8 @@ def velocity_to(
 
     With the error e = (x, y, yaw) of the place in its own frame, and 0 within
     `distance` and `turn_deg` of it.  Of a lateral displacement the foot that
-    leads makes twice as much in its step, so that v has half of it.  The norm
-    of the shares v_i / limit_i of the limits is at most `share_of_limits`.
+    leads makes twice as much in its step, so that v has half of it.  The limits
+    are `share_of_limits` of the robot's (`within_limits`).
 
     Args:
         waypoint: where the pelvis is to be.
@@ -125,6 +126,4 @@ def velocity_to(
     ):
         return np.zeros(3)
     velocity = np.array([x, 0.5 * y, yaw]) / params.settling_time
-    bounds = np.where(velocity > 0.0, limits[1], -limits[0])
-    share = float(np.linalg.norm(velocity / bounds))
-    return velocity * min(1.0, params.share_of_limits / share)
+    return within_limits(velocity, params.share_of_limits * limits)

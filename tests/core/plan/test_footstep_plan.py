@@ -258,7 +258,7 @@ def test_limits_are_those_of_reach_foot_speed_and_step_time():
     assert pace(PARAMS, slow, np.array([0.3, 0.0, 0.0])) == 1.0
     quick = pace(PARAMS, slow, np.array([0.0, 0.4, 0.0]))
     assert quick == pytest.approx((aside / 0.8) / 0.4)
-    # Of two limits of long steps 1.2 and 1.6, which is 2 at once.
+    # Shares of 1.2 and 1.6 of two limits of long steps are 2 at once.
     both = np.array([0.0, 1.2 * aside, 1.6 * math.radians(30.0)]) / 0.8
     assert pace(PARAMS, slow, both) == pytest.approx(0.5)
 
