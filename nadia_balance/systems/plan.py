@@ -301,11 +301,22 @@ class FootstepPlanner(Block):
 
     def _calc_revised(self, context: Context) -> tuple[Footstep, ...] | None:
         """The footsteps that have not landed; None: as they are."""
+        state = self._walking(context)
+        if state.schedule.phase is Phase.TRANSFER:
+            steps = self._planner.other_foot(
+                state,
+                icp=self._icp(context),
+                reference=reference_of(self._plan(context), state).icp,
+                feet=self._feet(context),
+                on=self._mechanisms(context),
+            )
+            if steps:
+                return steps
         velocity = self._velocity(context)
         command = self._limited(context)
         if (velocity == command).all():
             return None
-        return self._planner.revised(self._walking(context), velocity, command)
+        return self._planner.revised(state, velocity, command)
 
 
 class FixedFootsteps(FootstepPlanner):

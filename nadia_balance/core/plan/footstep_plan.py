@@ -388,6 +388,50 @@ class FootstepPlan:
             return self.squaring(schedule.support_side.other, feet)
         return ()
 
+    def other_foot(
+        self,
+        state: WalkingState,
+        icp: Array,
+        reference: Array,
+        feet: FootPoses,
+        on: Mechanisms,
+    ) -> tuple[Footstep, ...] | None:
+        """Plans the steps of the foot that is to stay, if it catches better.
+
+        After a push in a transfer, the ICP may be at the foot to be lifted.
+
+        Args:
+            state: walking state.
+            icp: the measured ICP (2,) [m] in W, by angular momentum.
+            reference: the ICP of the plan (2,) [m] in W.
+            feet: the measured soles.
+            on: mechanisms, of which `step` and `cross_over` count.
+
+        Returns:
+            As few steps as capture the ICP; None: the foot that is to step
+            needs no more, or is farther from the ICP, or there was no push.
+        """
+        schedule, stays = state.schedule, state.schedule.support_side
+        far, near = (
+            math.dist(icp, feet[side].p_WF[:2]) for side in (stays, stays.other)
+        )
+        if (
+            not on.step
+            or schedule.phase is not Phase.TRANSFER
+            or not schedule.footsteps
+            or schedule.footsteps[0].reactive
+            or far < near
+            or math.dist(icp, reference) < 2.0 * self.params.calm_error
+        ):
+            return None
+        better, planned = (
+            self.capture(schedule, side, feet=feet, icp=icp, on=on)
+            for side in (stays, stays.other)
+        )
+        if better.cost[:2] >= planned.cost[:2]:
+            return None
+        return self.caught(stays, feet[stays.other])[: better.steps]
+
     def was_caught(self, state: WalkingState) -> bool:
         """True if the step in the air is not where it was commanded.
 

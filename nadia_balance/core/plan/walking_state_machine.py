@@ -132,6 +132,14 @@ class WalkingStateMachineParams:
     contact_impulse: float = bounded(
         3.4e-4, doc="impulse of a touchdown per weight", least=0.0, unit="s"
     )
+    displaced: float = bounded(
+        0.05,
+        doc="distance from its place by which a foot that stands was kicked "
+        "or slid, so that the transfer begins anew from where the feet are",
+        above=0.0,
+        finite=False,
+        unit="m",
+    )
     lift_off: LiftOffParams = bounded(
         LiftOffParams, doc="conditions that end a transfer"
     )
@@ -198,6 +206,11 @@ class StateMachine:
                 ),
                 contact_time=state.contact_time,
             )
+        if self._displaced(schedule, feet):
+            steps = None if footsteps is None else footsteps()
+            if steps is None:
+                steps = schedule.footsteps
+            return self._start_transfer(state, plan, feet, steps)
         if not schedule.footsteps or schedule.phase is Phase.STANDING:
             steps = _following(state, footsteps)
             if steps:
@@ -225,7 +238,7 @@ class StateMachine:
             or steps == schedule.footsteps
         ):
             return state
-        if steps:
+        if steps and steps[0].side is not schedule.support_side:
             return replace(
                 state,
                 schedule=plan.moved(
@@ -240,6 +253,14 @@ class StateMachine:
         if schedule.phase is Phase.SWING:
             return state
         return self._start_transfer(state, plan, feet, steps)
+
+    def _displaced(self, schedule: ContactSchedule, feet: FootPoses) -> bool:
+        """True if a foot that stands is not where the schedule has it."""
+        return any(
+            math.dist(feet[side].p_WF[:2], schedule.feet[side].p_WF[:2])
+            > self.params.displaced
+            for side in Side
+        )
 
     def _tick(
         self, state: WalkingState, forces: Array, time_gain: float

@@ -349,6 +349,36 @@ def test_a_push_has_priority_over_the_command():
         assert steps[0].reactive is reactive
 
 
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_foot_that_carries_the_robot_after_a_push_is_not_lifted(sign, turn):
+    """Oracle: by hand, as above: a foot that goes 0.4 m out comes too late."""
+    schedule = walks.moved(walks.walk(length=0.0), turn, np.array([0.4, 1.0]))
+    schedule = schedule if sign > 0 else walks.mirrored(schedule)
+    stays = schedule.support_side
+    state = WalkingState(schedule, 0.1, 0.1)
+
+    def other(aside, reach=0.4, on=ALL, state=state):
+        """The feet are 0.25 m apart, the ICP is to be between them."""
+        icp, reference = (
+            schedule.feet[stays].to_world(np.array([0.0, -stays.sign * y]))
+            for y in (aside, 0.125)
+        )
+        reach = replace(MODEL.reach, width_max=reach)
+        plan = FootstepPlan(PARAMS, replace(MODEL, reach=reach), ADJUSTER)
+        return plan.other_foot(state, icp, reference, schedule.feet, on)
+
+    first, *_ = other(0.365)
+    assert (first.side, first.reactive) == (stays, True)
+    assert other(0.365, reach=0.8) is None  # it comes in time
+    assert other(0.19) is None  # in the walk's own error
+    assert other(-0.115) is None  # at the foot that stays
+    assert other(0.365, on=replace(ALL, step=False)) is None
+    steps = replace(schedule.footsteps[0], reactive=True)
+    reactive = replace(state, schedule=replace(schedule, footsteps=(steps,)))
+    assert other(0.365, state=reactive) is None
+
+
 def swinging(time, **changes):
     """A walk at 0.3 m/s, so long in its first swing [s]."""
     state = WalkingState(walks.swing(length=0.21), time, time)

@@ -226,6 +226,41 @@ def test_an_adjusted_step_replaces_the_one_in_the_air():
     assert landed.schedule.start_time == 0.0  # of the next phase
 
 
+@pytest.mark.parametrize("kicked", [0.04, 0.06])
+@pytest.mark.parametrize("side", list(Side))
+def test_a_kicked_foot_is_where_it_was_kicked_to(side, kicked):
+    """Oracle: by hand: within 5 cm the transfer goes on; else from there."""
+    schedule = walks.walk(length=0.3)
+    state = WalkingState(schedule, 0.1, 0.1)
+    pose = FEET[side].displaced(0.6 * kicked, 0.8 * kicked)
+    feet = FEET.with_foot(side, pose)
+    after = step(state, feet=feet)
+    steps = schedule.footsteps[1:]
+    asked = step(state, feet=feet, footsteps=lambda: steps)
+    assert after.schedule.phase is asked.schedule.phase is Phase.TRANSFER
+    if kicked < PARAMS.displaced:
+        assert after.schedule.feet == asked.schedule.feet == FEET
+        assert after.time_in_phase == pytest.approx(0.1 + PERIOD)
+        return
+    assert after.schedule.feet == asked.schedule.feet == feet
+    assert after.time_in_phase == asked.time_in_phase == 0.0
+    assert after.schedule.footsteps == schedule.footsteps
+    assert asked.schedule.footsteps == steps
+    assert step(after, feet=feet).time_in_phase > 0.0
+
+
+def test_the_foot_that_was_to_stay_can_take_the_step():
+    """Oracle: by hand: a transfer to the other foot, as long as it says."""
+    schedule = walks.walk(length=0.3)
+    state = WalkingState(schedule, 0.1, 0.1)
+    assert schedule.support_side is Side.LEFT
+    steps = schedule.footsteps[1:]
+    after = step(state, revised=steps).schedule
+    assert (after.phase, after.support_side) == (Phase.TRANSFER, Side.RIGHT)
+    assert after.footsteps == steps
+    assert after.duration == steps[0].transfer_duration
+
+
 def test_a_hurried_foot_lands_in_the_second_half_of_its_own_swing():
     """Oracle: by hand, 0.4 s are gained at lift-off: 0.3 s are left."""
     state = step(swinging(), time_gain=0.4)
