@@ -328,10 +328,10 @@ def goals(
 
     Rule 1: base if it intersects the capture region; rule 2: else the
     cross-over region that shares most area with it; rule 3: else the closest
-    place, at the earliest time the foot can be there, of the region that rules
-    1 and 2 choose if later steps hurry.  Goals are `margin` deep inside the
-    capture region, or about as deep as possible.  On the previous place, half
-    of it suffices, so that noise does not move the foot to other ground.
+    place, at the earliest time the foot can be there (`_closest`).  Goals are
+    `margin` deep inside the capture region, or about as deep as possible.  On
+    the previous place, half of it suffices, so that noise does not move the
+    foot to other ground.
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
     Its rule 3 compares all regions at the same time, but a cross-over step
@@ -420,12 +420,17 @@ def _closest(
 ) -> Goal:
     """Returns the goal of rule 3.
 
-    It is in the region that rules 1 and 2 choose if later steps hurry, or in
-    any, if that is none; and closest to the capture region.
+    It is in the base, if later steps that hurry capture from there, and the
+    legs are not about to cross; else in the closest of the cross-over regions
+    from which they do; else in the closest of all.
     """
     A, b = polygon.halfspaces(landing.geometry.hurried_region(landing.one_step))
-    hurried = _preferred(_clipped(places, A, b), current, params.rules)
-    reaches = {goal.place.reach for goal in hurried or places}
+    hurried = {goal.place.reach for goal in _clipped(places, A, b)}
+    across = hurried - {BASE}
+    if BASE in hurried and not (current.moved and current.region in across):
+        reaches = {BASE}
+    else:
+        reaches = across or {goal.place.reach for goal in places}
 
     def distance(place: Place) -> float:
         is_last = _is_last(place, current)

@@ -247,6 +247,27 @@ def test_the_region_is_one_that_hurried_later_steps_capture():
     np.testing.assert_allclose(goal.part, [[2.0, 2.0]], atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("base", "before", "expected"),
+    [
+        (-3.0, None, BACKWARD),
+        (-3.0, FORWARD, BACKWARD),
+        (-2.0, None, BASE),
+        (-2.0, BASE, BASE),
+        (-2.0, FORWARD, BACKWARD),  # it crosses already
+    ],
+)
+def test_of_two_ways_across_the_closer_one_is_taken(base, before, expected):
+    """Oracle: by hand: backward is 1 m nearer, forward shares more area.
+
+    The base, where hurried later steps capture from it, is taken first.
+    """
+    hurried = convex_hull(rectangle(4.1, 5.8) + [0.95, 0.0])
+    places = towers(base, -2.0, -1.0)
+    (goal,) = chosen(places, before, hurried=hurried)
+    assert goal.place.reach == expected
+
+
 def test_a_region_that_is_captured_on_arrival_is_no_gap_away():
     """Oracle: by hand: a strip across base, and 0.4 m below forward.
 
