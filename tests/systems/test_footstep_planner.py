@@ -1,5 +1,7 @@
 """Oracles: core.plan.footstep_plan, called with the same values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from nadia_balance.core.steps.capture_region import (
 from nadia_balance.core.walking.state import WalkingState
 from nadia_balance.systems.plan import FootstepPlanner
 from tests.blocks import answer, fix, running, tick
-from tests.example_walks import ALL, FEET, MODEL, planned, standing, swing
+from tests.example_walks import ALL, FEET, MODEL, planned, standing, swing, walk
 
 PERIOD = 0.004  # [s]
 PARAMS = FootstepPlannerParams()
@@ -81,6 +83,24 @@ def test_follows_a_new_command_in_the_air_and_leaves_an_old_one():
     fix(planner, context, velocity_command=np.zeros(3))
     (step,) = answer(planner, context, "revised_footsteps")
     assert step.pose.p_WF == pytest.approx([0.0, -0.125, 0.0])
+
+
+def test_after_a_push_in_a_transfer_the_other_foot_may_step():
+    """Oracle: the core function, for a foot that cannot go far aside."""
+    model = replace(MODEL, reach=replace(MODEL.reach, width_max=0.4))
+    state = WalkingState(walk(length=0.0), 0.1, 0.1)
+    icp, plan = np.array([0.0, -0.24]), planned(state.schedule)
+    values = inputs(walking_state=state, alip_icp=icp, icp_plan=plan)
+    planner = FootstepPlanner(PARAMS, model, PERIOD)
+    _, context = running(planner, **values)
+    expected = FootstepPlan(PARAMS, model, PLAN.adjuster).other_foot(
+        state, icp, plan.at(0.1).icp, FEET, ALL
+    )
+    steps = answer(planner, context, "revised_footsteps")
+    assert [step.side for step in steps] == [step.side for step in expected]
+    assert steps[0].side is state.schedule.support_side
+    fix(planner, context, alip_icp=np.array([0.0, 0.0]))
+    assert not answer(planner, context, "revised_footsteps")
 
 
 def test_a_command_that_is_not_finite_is_refused_by_port_and_time():
