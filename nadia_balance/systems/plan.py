@@ -203,9 +203,10 @@ class FootstepPlanner(Block):
 
     `footsteps` are those after the present phase, () to stand; of the foot in
     the air, as if it landed now.  `revised_footsteps` have not landed yet; they
-    follow a command that has changed, and are None otherwise.  The state is the
-    velocity of the walk (3,), which follows the `velocity_command`, within the
-    robot's `limits` (see velocity_limits and within_limits).
+    follow a command that has changed, or are of the other foot after a push in
+    a transfer, and are None otherwise.  The state is the velocity of the walk
+    (3,), which follows the `velocity_command`, within the robot's `limits` (see
+    velocity_limits and within_limits).
 
     Args:
         params: rules of the planner.
