@@ -432,7 +432,7 @@ def _closest(
 
     It is in the base, if later steps that hurry capture from there, and the
     legs are not about to cross; else in the closest place, where the ICP is
-    carried along by the leg that swings there.
+    carried along by a leg that has still to accelerate on its way there.
     """
     A, b = polygon.halfspaces(landing.geometry.hurried_region(landing.one_step))
     hurried = {goal.place.reach for goal in _clipped(places, A, b)}
@@ -450,7 +450,7 @@ def _closest(
             place.polygon, params.least_time_to_land, is_last
         )
         gap = distance_between(place.polygon, captures)
-        if landing.foot is not None:
+        if landing.foot is not None and not is_last:
             way = math.dist(landing.foot, landing.nearest(place.polygon))
             gap += rules.carried_along * way
         return gap - is_last * rules.distance_hysteresis

@@ -253,6 +253,9 @@ def test_a_leg_on_a_longer_way_carries_the_icp_along(share, expected):
     rules = replace(RULES.rules, carried_along=share)
     (goal,) = goals(case, unadjusted(IN_PLACE), replace(RULES, rules=rules))
     assert goal.place.reach == expected
+    under_way = at(9.0, 9.0, FORWARD)
+    (goal,) = goals(case, under_way, replace(RULES, rules=rules))
+    assert goal.place.reach == FORWARD
 
 
 @pytest.mark.parametrize(
