@@ -30,8 +30,9 @@ _CHECKED = np.linspace(0.1, 1.0, 10)[:, None]  # shares of the time
 _SHARES = _CHECKED[:, 0].tolist()  # the same
 
 # Horizon of the way to the touchdown velocity, from each tick on: all but 5 %
-# of it takes four times as long [s].
-_SINKING = 0.02
+# of it takes four times as long.  With half of it, feet landed while they still
+# moved along the ground [s].
+_SINKING = 0.04
 _GENTLE = 2.0 / 3.0  # share of the largest deceleration in a planned descent
 _TO_SPARE = 1.5  # ratio of the times to land and to sink that lifts a foot [-]
 _SOON = 0.02  # via points closer in time than this are dropped [s]
