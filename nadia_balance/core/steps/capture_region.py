@@ -46,16 +46,7 @@ _AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 @parameters
 class ReachRulesParams:
-    """Preference of the base region, and hysteresis of the choice.
-
-    A leg of mass m_l, its centre h below the CoM, that a foot accelerates and
-    brakes on a way of length l in the time T, moves the eCMP against its
-    acceleration by m_l h / (m g), and the ICP by
-
-        m_l / m  h w^2 / g  ((e^x - 1) / x)^2  l,   x = w T / 2:
-
-    0.2 times 0.5 times 1.6 for a quarter of a second.  A point mass has no leg.
-    """
+    """Preference of the base region, and hysteresis of the choice."""
 
     area_margin: float = bounded(
         5.0,
@@ -72,13 +63,6 @@ class ReachRulesParams:
         "ground are kept until another is this much closer",
         least=0.0,
         unit="m",
-    )
-    carried_along: float = bounded(
-        0.16,
-        doc="share of the way to its foothold by which the leg that swings "
-        "carries the ICP along, where regions are compared that do not capture",
-        least=0.0,
-        most=1.0,
     )
 
 

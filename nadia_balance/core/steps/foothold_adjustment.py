@@ -152,23 +152,14 @@ class Landing(Immutable):
         """
         if self.foot is None:
             return self.capture_region
-        soonest = self.time_to(self.nearest(region))
+        soonest = self.time_to(
+            polygon.closest_point(region, self.capture_region)[0]
+        )
         if under_way:
             soonest *= UNDER_WAY
         return capture_region(
             self._one_step_from(max(soonest, least)), self.geometry.offsets[-1]
         )
-
-    def nearest(self, region: Array) -> Array:
-        """The foothold in a region that is closest to the present C_N.
-
-        Args:
-            region: polygon (n, 2) in W [m].
-
-        Returns:
-            The foothold (2,) in W [m].
-        """
-        return polygon.closest_point(region, self.capture_region)[0]
 
     def missed(self, adjustment: Adjustment) -> float:
         """Distance of a foothold from C_N if later steps hurry.
@@ -344,8 +335,7 @@ def goals(
     Erratum: as printed, rule 1 prefers any sliver of base to a short step
     across, and the choice flips with noise; hence margin and hysteresis.
     Its rule 3 compares all regions at the same time, but a cross-over step
-    takes longer, while the ICP diverges, and a step after it has to return; and
-    the leg that accelerates on a longer way carries the ICP along.
+    takes longer, while the ICP diverges, and a step after it has to return.
 
     Args:
         landing: possible touchdowns of this tick.
@@ -431,18 +421,16 @@ def _closest(
     """Returns the goal of rule 3.
 
     It is in the base, if later steps that hurry capture from there, and the
-    legs are not about to cross; else in the closest place, where the ICP is
-    carried along by a leg that has still to accelerate on its way there.
+    legs are not about to cross; else in the closest of the cross-over regions
+    from which they do; else in the closest of all.
     """
     A, b = polygon.halfspaces(landing.geometry.hurried_region(landing.one_step))
     hurried = {goal.place.reach for goal in _clipped(places, A, b)}
-    crosses = current.moved and current.region in hurried - {BASE}
-    options = [
-        goal.place
-        for goal in places
-        if goal.place.reach == BASE or BASE not in hurried or crosses
-    ]
-    rules = params.rules
+    across = hurried - {BASE}
+    if BASE in hurried and not (current.moved and current.region in across):
+        reaches = {BASE}
+    else:
+        reaches = across or {goal.place.reach for goal in places}
 
     def distance(place: Place) -> float:
         is_last = _is_last(place, current)
@@ -450,13 +438,12 @@ def _closest(
             place.polygon, params.least_time_to_land, is_last
         )
         gap = distance_between(place.polygon, captures)
-        if landing.foot is not None and not is_last:
-            way = math.dist(landing.foot, landing.nearest(place.polygon))
-            gap += rules.carried_along * way
-        return gap - is_last * rules.distance_hysteresis
+        return gap - is_last * params.rules.distance_hysteresis
 
+    options = [goal.place for goal in places if goal.place.reach in reaches]
     place = min(options, key=distance)
-    return Goal(place, landing.nearest(place.polygon)[None])
+    nearest, _ = polygon.closest_point(place.polygon, landing.capture_region)
+    return Goal(place, nearest[None])
 
 
 def _foothold(

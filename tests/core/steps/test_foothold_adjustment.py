@@ -239,23 +239,12 @@ def test_the_foot_is_under_way_to_the_region_of_before_alone():
     assert goal.place.reach == BASE
 
 
-@pytest.mark.parametrize(("share", "expected"), [(0.16, BASE), (0.0, FORWARD)])
-def test_a_leg_on_a_longer_way_carries_the_icp_along(share, expected):
-    """Oracle: by hand: forward is 0.1 m nearer, but the way 1 m longer."""
-
-    class Case(Given):
-        def on_arrival(self, region, least, under_way=False):
-            return self.capture_region
-
-    places = tuple(Place(*place) for place in towers(-1.0, -0.9, -3.0))
-    parts = {"places": places, "hurried_region": lambda _: ABOVE}
-    case = replace(given(ABOVE, Case, **parts), foot=np.array([0.5, 1.0]))
-    rules = replace(RULES.rules, carried_along=share)
-    (goal,) = goals(case, unadjusted(IN_PLACE), replace(RULES, rules=rules))
-    assert goal.place.reach == expected
-    under_way = at(9.0, 9.0, FORWARD)
-    (goal,) = goals(case, under_way, replace(RULES, rules=rules))
+def test_the_region_is_one_that_hurried_later_steps_capture():
+    """Oracle: by hand: the base is nearer, but only forward is captured."""
+    places, above = towers(-1.0, -2.0, -3.0), rectangle(1.0, 1.0) + [2.5, 2.2]
+    (goal,) = chosen(places, hurried=convex_hull(above))
     assert goal.place.reach == FORWARD
+    np.testing.assert_allclose(goal.part, [[2.0, 2.0]], atol=1e-15)
 
 
 @pytest.mark.parametrize(
