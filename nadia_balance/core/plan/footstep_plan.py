@@ -399,9 +399,10 @@ class FootstepPlan:
         """Plans the steps of the foot that is to stay, if it catches better.
 
         After a push in a transfer, the ICP may be at the foot to be lifted.
+        Neither paper has this.
 
         Args:
-            state: walking state.
+            state: walking state, in a transfer.
             icp: the measured ICP (2,) [m] in W, by angular momentum.
             reference: the ICP of the plan (2,) [m] in W.
             feet: the measured soles.
@@ -417,7 +418,6 @@ class FootstepPlan:
         )
         if (
             not on.step
-            or schedule.phase is not Phase.TRANSFER
             or not schedule.footsteps
             or schedule.footsteps[0].reactive
             or far < near

@@ -187,7 +187,8 @@ class StateMachine:
                 returns None: they are those of the schedule, from its start on.
             revised: the footsteps that have not landed, in the place of those
                 of the schedule; (): the robot comes to rest, not while a
-                foot is in the air.  None: as they are.
+                foot is in the air.  None: as they are.  If the first is of the
+                foot that was to stay, a transfer to the other one begins.
 
         Returns:
             The walking state one period later.
@@ -230,7 +231,10 @@ class StateMachine:
         icp: Array,
         steps: tuple[Footstep, ...] | None,
     ) -> WalkingState:
-        """Returns the state with other footsteps; durations stay as begun."""
+        """Returns the state with other footsteps; durations stay as begun.
+
+        To steps of the foot that was to stay, a transfer begins.
+        """
         schedule = state.schedule
         if (
             steps is None
