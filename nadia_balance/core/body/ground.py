@@ -2,9 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -31,11 +31,17 @@ from nadia_balance.core.walking.state import (
     Immutable,
     Side,
 )
-from nadia_balance.parameters.bounds import bounded, check, parameters
+from nadia_balance.parameters.bounds import (
+    bounded,
+    check,
+    check_number,
+    parameters,
+)
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
 _ROUNDING = 1e-6  # tolerance of a sole on an edge [m]
 _TURN = math.pi / 12.0  # spacing of the yaws at which a sole is tried [rad]
+_KEPT = 32  # yaws whose footholds are kept
 
 
 # No @parameters: slots would refuse what is computed once.
@@ -155,13 +161,11 @@ class Ground(Immutable):
     regions: tuple[Region, ...]
     sole: Array
     margin: float = 0.02  # [m]
-    _footholds_by_yaw: dict[float, tuple[Array, ...]] = field(
-        default_factory=dict, init=False, repr=False
-    )
 
     def __post_init__(self) -> None:
         if not self.regions:
             raise ValueError("regions = (): must be at least one")
+        check_number("margin", self.margin, least=0.0, unit="m")
         for region in self.regions:
             check(region)
 
@@ -183,14 +187,21 @@ class Ground(Immutable):
             A polygon (n, 2) in W [m] for each region; (0, 2) where the sole
             does not fit.
         """
-        if yaw not in self._footholds_by_yaw:
-            self._footholds_by_yaw[yaw] = tuple(
+        return self._footholds(yaw)
+
+    @cached_property
+    def _footholds(self) -> Callable[[float], tuple[Array, ...]]:
+        """The `footholds` by yaw: a foot that stands has another each tick."""
+
+        def calc(yaw: float) -> tuple[Array, ...]:
+            return tuple(
                 np.empty((0, 2))
                 if region.obstacle
                 else region.footholds(self.sole, yaw, self.margin)
                 for region in self.regions
             )
-        return self._footholds_by_yaw[yaw]
+
+        return lru_cache(_KEPT)(calc)
 
     def allows(self, foot: FootPose) -> bool:
         """Whether a sole is on a single region, with the margin.
@@ -543,14 +554,26 @@ def believed(
 
 
 def _with_error(region: Region, error: GroundError, shares: Array) -> Region:
-    """Returns the region with these shares (5,) of the largest errors."""
-    up, dx, dy, tilt_x, tilt_y = shares.tolist()
-    slope = math.tan(math.radians(error.tilt_deg))
-    x, y, z = region.normal
+    """Returns the region with these shares (5,) of the largest errors.
+
+    The normal n is turned by an angle a about a horizontal axis k, in any
+    direction: n cos(a) + k x n sin(a) + k (k . n) (1 - cos(a)).
+    """
+    up, dx, dy, tilt, direction = shares.tolist()
+    angle = tilt * math.radians(error.tilt_deg)
+    axis = np.array(
+        [math.cos(math.pi * direction), math.sin(math.pi * direction), 0.0]
+    )
+    normal = region.unit_normal
+    turned = (
+        math.cos(angle) * normal
+        + math.sin(angle) * np.cross(axis, normal)
+        + (1.0 - math.cos(angle)) * axis.dot(normal) * axis
+    )
     du, dv = dx * error.place, dy * error.place
     return replace(
         region,
         vertices=[[u + du, v + dv] for u, v in region.vertices],
-        normal=[x + tilt_x * slope * z, y + tilt_y * slope * z, z],
+        normal=turned.tolist(),
         height=region.height + up * error.height,
     )

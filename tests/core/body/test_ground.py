@@ -1,6 +1,7 @@
 """Oracles: planes in space, dense search, figures by hand."""
 
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -133,12 +134,24 @@ def test_no_foot_is_put_on_an_obstacle():
     assert ground.nearest(np.array([1.0, 0.0]), 0.0)[0] < 0.25
 
 
+def test_the_footholds_of_yaws_long_past_are_forgotten():
+    """Oracle: the garbage collector: a foot that stands has a yaw a tick."""
+    ground = Ground((square("one", side=2.0),), SOLE)
+    kept = weakref.ref(ground.footholds(0.0)[0])
+    assert kept() is ground.footholds(0.0)[0]
+    for yaw in np.linspace(0.1, 0.2, 100):
+        ground.footholds(float(yaw))
+    assert kept() is None
+
+
 HERE = np.zeros(2)
 
 
 def test_what_is_believed_is_wrong_by_no_more_than_asked_for():
     """Oracle: differences, within the bounds, and some near to them."""
-    true = tuple(square(f"{i}", 1.0 * i) for i in range(50))
+    true = tuple(
+        square(f"{i}", 1.0 * i, normal=[0.01 * i, -0.2, 1.0]) for i in range(50)
+    )
     error = GroundError(height=0.03, tilt_deg=3.0, place=0.05)
     assert believed(true, GroundError(), 0, HERE) is true
     found = believed(true, error, 1, HERE)
@@ -146,7 +159,10 @@ def test_what_is_believed_is_wrong_by_no_more_than_asked_for():
     off -= [t.vertices for t in true]
     assert 0.04 < np.max(np.abs(off)) <= 0.05 + 1e-12
     assert 0.025 < max(abs(f.height) for f in found) <= 0.03
-    slopes = [np.abs(f.normal[:2]).max() for f in found]
-    assert 0.9 < max(slopes) / math.tan(math.radians(3.0)) <= 1.0
+    angles = [
+        math.degrees(math.acos(min(f.unit_normal @ t.unit_normal, 1.0)))
+        for f, t in zip(found, true, strict=True)
+    ]
+    assert 2.8 < max(angles) <= 3.0 + 1e-6
     assert found[0] is true[0]  # where the robot stands
     assert found[9].vertices == believed(true, error, 1, HERE)[9].vertices
