@@ -28,7 +28,7 @@ from pydrake.systems.primitives import (
 
 from nadia_balance.core.body.reachability import step_regions
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.plan.footstep_plan import velocity_limits
+from nadia_balance.core.plan.footstep_plan import velocity_limits, within_limits
 from nadia_balance.core.walking.state import FootPose, FootPoses
 from nadia_balance.diagrams.region_log import add_region_log, region_rows
 from nadia_balance.diagrams.scenario import Scenario
@@ -125,14 +125,13 @@ class ClosedLoop(Diagram):
         remarks = list(self.robot.remarks)
         if not self.controller.HasOutputPort("footsteps"):
             return remarks  # a policy takes every command
-        lower, upper = self.velocity_limits
         for i, row in enumerate(self.scenario.commands):
             asked = np.array([row.forward, row.left, row.turn])
-            clipped = np.clip(asked, lower, upper)
-            if not np.array_equal(clipped, asked):
+            taken = within_limits(asked, self.velocity_limits)
+            if not np.array_equal(taken, asked):
                 remarks.append(
                     f"commands[{i}] = {asked.round(3).tolist()}: is more than "
-                    f"it can walk, {clipped.round(3).tolist()} is taken"
+                    f"it can walk, {taken.round(3).tolist()} is taken"
                 )
         return remarks
 

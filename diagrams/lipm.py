@@ -16,6 +16,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
 from nadia_balance.parameters.bounds import require
+from nadia_balance.systems.hardware import Imperfections
 from nadia_balance.systems.push_source import PushSource, find_body
 from nadia_balance.systems.signals import read
 from nadia_balance.systems.steps import SwingFootPlanner
@@ -108,8 +109,17 @@ class LipmDiagram(ClosedLoop):
                 value == only,
                 f"{name} = {value!r}: must be {only} for a point mass",
             )
+        require(
+            scenario.imperfections == Imperfections(),
+            f"imperfections = {scenario.imperfections}: must be none for a "
+            "point mass",
+        )
         # Bodies of pushes are checked on the robot: a point mass has none.
         for push in scenario.pushes:
+            require(
+                push.point is None,
+                f"point = {push.point}: must not be given for a point mass",
+            )
             if push.body:
                 find_body(self.robot.control_plant(), push.body)
 

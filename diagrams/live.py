@@ -18,7 +18,7 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import start, until_ctrl_c
 from nadia_balance.diagrams.verdict import gait_and_error, push_signal
-from nadia_balance.parameters.yaml_reader import one_line
+from nadia_balance.parameters.yaml_reader import told
 from nadia_balance.results.live_watches import (
     FallWatch,
     VelocityWatch,
@@ -187,8 +187,8 @@ class LiveSession:
         try:
             self._simulator.AdvanceTo(self._looks * LOOK)
             reason = self._diagram.fall_reason(self.context)
-        except (RuntimeError, ValueError) as error:  # such as NaN at an input
-            reason = one_line(error)
+        except Exception as error:  # of any block, such as NaN at an input
+            reason = told(error)
         else:
             self._look()
             if reason and (cause := self._fall.reason()):

@@ -420,6 +420,8 @@ class Scenario:
             for name in ("num_steps", "steps", "footholds"):
                 if getattr(self.gait, name):
                     yield f"gait.{name}", "not come with commands"
+        if self.commands and self.random_commands:
+            yield "random_commands", "not come with commands"
         qp = "controller.icp_step_qp"
         if self.controller.icp_step_qp is None:
             if self.mechanisms in ATLAS_MECHANISMS:

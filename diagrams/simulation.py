@@ -27,12 +27,13 @@ from nadia_balance.diagrams.verdict import (
     run_info,
 )
 from nadia_balance.parameters.bounds import require
-from nadia_balance.parameters.yaml_reader import one_line
+from nadia_balance.parameters.yaml_reader import told
 from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results.summary import SLOWEST, Run
 from nadia_balance.robot.model import load_robot
 
 PUSH = ("direction", "delta_v", "at", "shape")  # arguments of with_push
+PLANTS = ("humanoid", "lipm")
 WALKS_STEADILY = 8  # steps after which a policy does
 LONGEST = 86400.0  # simulation [s]
 
@@ -63,7 +64,15 @@ def closed_loop(
     Raises:
         ValueError: a controller or block cannot be made, or does not fit.
     """
+    require(
+        plant in PLANTS,
+        f"plant = {plant!r}: must be one of {', '.join(PLANTS)}",
+    )
     is_lipm = plant == "lipm"
+    require(
+        not (is_lipm and controller),
+        f"controller = {str(controller)!r}: must not come with plant = lipm",
+    )
     systems: dict[str, Any] = own_blocks.all_made(
         blocks or {},
         scenario,
@@ -278,8 +287,8 @@ def advance(
             simulator.AdvanceTo(duration)
         except KeyboardInterrupt:
             monitor.outcome["interrupted"] = True
-        except (RuntimeError, ValueError) as error:  # such as NaN at an input
-            monitor.outcome["error"] = one_line(error) or type(error).__name__
+        except Exception as error:  # of any block, such as NaN at an input
+            monitor.outcome["error"] = told(error)
         cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),

@@ -7,7 +7,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.core.walking.state import Side
+from nadia_balance.core.walking.state import Side, number_of_ticks
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.signals import Touchdown, size
 
@@ -82,7 +82,7 @@ class TouchdownRecord:
         lowest = int(np.argmin(p_WC[:, 2]))
         vx, vy, vz = v_WC[lowest].tolist()
         impact = force[k : k + round(IMPACT / self._step)]
-        mean = min(round(MEAN / self._step), len(impact))
+        mean = min(number_of_ticks(MEAN, self._step), len(impact))
         means = np.convolve(impact, np.full(mean, 1.0 / mean), "valid")
         last = min(k + round(SLIDE / self._step), len(states) - 1)
         places = [

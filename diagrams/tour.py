@@ -477,7 +477,11 @@ def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
     return {
         "outcome": outcome,
         "survival_s": run.simulated_time,
-        "upright_s": score.upright_until or run.simulated_time,
+        "upright_s": (
+            run.simulated_time
+            if score.upright_until is None
+            else score.upright_until
+        ),
         "reason": run.error or score.reason,
         "waypoints": report["targets"],
         **(errors if report["targets"] else dict.fromkeys(errors)),

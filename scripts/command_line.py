@@ -318,7 +318,7 @@ def scenario_flags(parser: CommandLine, name: str | None) -> None:
     )
     group.add_argument(
         "--plant",
-        choices=("humanoid", "lipm"),
+        choices=simulation.PLANTS,
         default="humanoid",
         help="the robot, or the point mass it stands for",
     )

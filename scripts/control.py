@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.parameters.bounds import require
@@ -141,8 +142,8 @@ def _until(
             process.start()
         if process.phase is Phase.BALANCE:
             if args.command is not None:
-                process.velocity = np.clip(
-                    args.command, *process.velocity_limits
+                process.velocity = within_limits(
+                    np.array(args.command), process.velocity_limits
                 )
                 args.command = None
             process.velocity = keyboard.commanded(

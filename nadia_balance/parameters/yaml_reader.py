@@ -82,6 +82,22 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
+def told(error: Exception) -> str:
+    """Returns an error of a simulation in one line.
+
+    Args:
+        error: any.
+
+    Returns:
+        Its words; of one that does not name what is wrong, such as a
+        KeyError, also its class.
+    """
+    words = one_line(error)
+    if words and isinstance(error, (RuntimeError, ValueError)):
+        return words
+    return f"{type(error).__name__}: {words}".removesuffix(": ")
+
+
 def load_tree(text: str, child_name: str | None = None) -> Any:
     """Returns YAML, or its child of that name, as mappings and lists.
 

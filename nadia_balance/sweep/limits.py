@@ -33,6 +33,7 @@ from nadia_balance.sweep.trials import (
     Situation,
     results_of,
 )
+from nadia_balance.systems.hardware import Imperfections
 
 LIMITS = "limits.csv"  # its lines are the records
 BEGIN = 0.5  # ratio of the first push to the limit with the hips [-]
@@ -347,7 +348,7 @@ def worst_at(
 def limits_of(
     scenario: Scenario, situation: Situation
 ) -> tuple[LipmLimit, ...]:
-    """The limits of a point mass at its push, whatever the engine and sensors.
+    """The limits of a perfect point mass at its push, in Drake.
 
     Args:
         scenario: of the gait; uneven ground is taken as flat.
@@ -365,11 +366,13 @@ def limits_of(
     robot = load_robot(scenario.robot, scenario.fidelity)
     scenario = (
         _on_level_ground(scenario, robot)
-        .changed(engine="drake", sensors="perfect")
+        .changed(
+            engine="drake", sensors="perfect", imperfections=Imperfections()
+        )
         .with_push(delta_v=0.0, at=situation[1])
     )
-    push = scenario.pushes[0]
-    diagram = LipmDiagram(scenario)
+    push = replace(scenario.pushes[0], point=None)
+    diagram = LipmDiagram(scenario.changed(pushes=[push]))
     context, run = walk_to_push(diagram)
     if not run.until:
         raise ValueError(f"at = {push.at!r}: must be in the walk")

@@ -156,6 +156,13 @@ class WalkingStateMachine(Block):
                 raise port.error(
                     context, f"has a {type(step).__name__}, needs Footsteps"
                 )
+            times = step.transfer_duration, step.swing_duration
+            if not (0.0 <= times[0] < math.inf and 0.0 < times[1] < math.inf):
+                raise port.error(
+                    context,
+                    f"has a transfer of {times[0]} s and a swing of {times[1]} "
+                    "s: they must be >= 0 and > 0",
+                )
         if any(one.side is two.side for one, two in itertools.pairwise(steps)):
             raise port.error(
                 context,

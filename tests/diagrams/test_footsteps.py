@@ -198,6 +198,21 @@ def test_a_source_of_the_users_is_connected_by_its_name():
             )
 
 
+def test_a_command_of_the_scenario_that_is_too_fast_is_told():
+    """Oracle: by hand: of two shares 0.8 of their limits 1 / sqrt(1.28) is."""
+    scenario = quick("stand")
+    x, y, _ = LipmDiagram(scenario).velocity_limits[1]
+    rows = [
+        Command(forward=0.8 * x, left=0.8 * y),
+        Command(time=1.0, forward=0.9 * x),
+    ]
+    diagram = LipmDiagram(scenario.changed(commands=rows))
+    (words,) = [line for line in diagram.remarks() if "commands" in line]
+    taken = [0.8 * x / math.sqrt(1.28), 0.8 * y / math.sqrt(1.28), 0.0]
+    assert words.startswith("commands[0] = [")
+    assert words.endswith(f", {np.round(taken, 3).tolist()} is taken")
+
+
 def test_a_source_that_is_too_fast_is_told_once():
     """Oracle: the way of a source at the limit of left; the words, by hand."""
     scenario = quick("stand", duration=4.0)

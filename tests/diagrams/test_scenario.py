@@ -63,6 +63,9 @@ BAD_TEXTS = {
         "gait.num_steps = 2: must not come with commands"
     ),
     "{gait: {steps: [{}]}, random_commands: 0.5}": "gait.steps = [StepVector(",
+    "{commands: [{time: 5}], random_commands: 0.5}": (
+        "random_commands = 0.5: must not come with commands"
+    ),
     "commands: [{time: -1}]": "commands[0].time = -1.0: must be in [0, 3600] s",
     "commands: [{forward: .nan}]": "commands[0].forward = nan: must be",
     "commands: [{time: 2}, {time: 2, turn: 0.1}]": (

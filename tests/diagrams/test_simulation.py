@@ -2,14 +2,21 @@
 
 import contextlib
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.walking.state import FootPose, Footstep, Side
+from nadia_balance.diagrams.lipm import LipmDiagram
+from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import (
     RecoveryWatch,
     advance,
+    closed_loop,
     pushed,
     simulate,
     start,
@@ -110,6 +117,53 @@ def test_ctrl_c_keeps_what_was_logged():
     for name in ("t", "icp", "walking_signal"):
         until_then = whole[name][:rows]
         assert np.array_equal(run.logs[name], until_then, equal_nan=True)
+
+
+class Planner(LeafSystem):
+    """Tells footsteps that are none of those that are allowed."""
+
+    def __init__(self, steps):
+        super().__init__()
+        self.DeclareAbstractOutputPort(
+            "footsteps",
+            lambda: Value(object()),
+            lambda _, output: output.set_value(steps),
+        )
+
+
+AT_ONCE = Footstep(Side.LEFT, FootPose(), 0.3, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        ([], "TypeError: walking_state_machine: input port 'footsteps'"),
+        ((AT_ONCE,), "has a transfer of 0.3 s and a swing of 0.0 s"),
+        ((replace(AT_ONCE, swing_duration=np.nan),), "a swing of nan s"),
+        ((replace(AT_ONCE, transfer_duration=-1.0),), "a transfer of -1.0 s"),
+    ],
+)
+def test_a_planner_of_the_users_that_is_wrong_ends_the_run(steps, words):
+    """Oracle: the words, and the log until then: one row."""
+    sources = {"footsteps": Planner(steps)}
+    diagram = LipmDiagram(
+        load_scenario("stand"), sources=sources, footstep_planner=None
+    )
+    run = simulate(diagram, 1.0)
+    assert words in run.error
+    assert len(run.logs["t"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"plant": "point_mass"}, "^plant = 'point_mass': must be one of"),
+        ({"plant": "lipm", "controller": "a:B"}, "^controller = 'a:B': must"),
+    ],
+)
+def test_what_is_simulated_is_one_of_two(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        closed_loop(load_scenario("push"), **arguments)
 
 
 def test_a_number_that_is_none_stops_the_point_mass():

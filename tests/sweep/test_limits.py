@@ -76,10 +76,11 @@ def test_the_limit_is_of_a_point_mass_whatever_walks():
     changed = (
         {"engine": "mujoco", "sensors": "consumer"},
         {"text": "{terrain: {name: stairs}}"},
+        {"text": "{imperfections: {delay: 0.012, friction_ratio: 0.5}}"},
     )
     scenarios = (
         load_scenario("push", lipm_period=0.02, **changes)
         for changes in ({}, *changed)
     )
     wanted, *found = (limits_of(s, AT)[0].largest_push(0) for s in scenarios)
-    assert found == pytest.approx(2 * [wanted], rel=1e-6)
+    assert found == pytest.approx(3 * [wanted], rel=1e-6)

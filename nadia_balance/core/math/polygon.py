@@ -143,14 +143,17 @@ def closest_point(polygon: Array, other: Array) -> tuple[Array, float]:
     the vertices of each are projected onto all edges of the other.
 
     Args:
-        polygon: vertices (n, 2) [m].
-        other: vertices (k, 2) [m].
+        polygon: vertices (n, 2) [m], at least 2.
+        other: vertices (k, 2) [m], at least 2.
 
     Returns:
         The point p (2,) [m], and the gap [m].
+
+    Raises:
+        ValueError: a polygon without edges.
     """
     one, two = doubles(polygon), doubles(other)
-    n, k = _size(one), _size(two)
+    n, k = _size(one, least=2), _size(two, least=2)
     p = room(2)
     gap: float = library.closest_point(one, n, two, k, p)
     return np.ndarray(2, FLOAT, p), gap

@@ -107,6 +107,8 @@ class FootPose(Immutable):
             )
         if self.normal is not UPRIGHT:
             object.__setattr__(self, "normal", read_only(self.normal, 3))
+            if not np.isfinite(self.normal).all():
+                raise ValueError(f"normal = {self.normal}: must be finite")
 
     @cached_property
     def _values(self) -> tuple[float, ...]:
@@ -368,11 +370,13 @@ def whole_ticks(name: str, time: float, period: float) -> int:
         Ticks.
 
     Raises:
-        ValueError: the time is no multiple of the period.
+        ValueError: the time is no multiple of the period, or < 0.
     """
-    ticks = round(time / period)
-    if abs(ticks * period - time) > 1e-9:
-        raise ValueError(f"{name} = {time}: must be a multiple of {period} s")
+    ticks = round(time / period) if math.isfinite(time) else -1
+    if ticks < 0 or abs(ticks * period - time) > 1e-9:
+        raise ValueError(
+            f"{name} = {time}: must be a multiple of {period} s, and >= 0"
+        )
     return ticks
 
 

@@ -326,6 +326,9 @@ class WeightedTasks:
 
         Returns:
             [S, r] (n, nv + 1).
+
+        Raises:
+            ValueError: a task's weights are neither one nor as many as rows.
         """
         parts, accelerations, roots = [], [], []
         for task, root in self._tasks:
@@ -334,8 +337,13 @@ class WeightedTasks:
                 continue
             parts.append(motion.rows)
             accelerations.append(motion.acceleration)
-            if len(root) < len(motion.rows):  # one weight for all
+            if len(root) == 1:  # one weight for all
                 root = np.repeat(root, len(motion.rows), axis=0)
+            if len(root) != len(motion.rows):
+                raise ValueError(
+                    f"task {task.name!r}: {len(root)} weights for "
+                    f"{len(motion.rows)} rows: must be as many, or one"
+                )
             roots.append(root)
         rows = np.concatenate(parts)
         rows[:, -1] -= np.concatenate(accelerations)

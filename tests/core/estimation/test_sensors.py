@@ -59,7 +59,21 @@ def test_a_scenario_tells_what_does_not_fit(text, message):
         load_scenario("walk_in_place", text=text)
 
 
-def test_a_point_mass_has_no_sensors():
-    scenario = load_scenario("walk_in_place", sensors="consumer")
-    with pytest.raises(ValueError, match="^sensors = 'consumer': must be perf"):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{sensors: consumer}", "^sensors = 'consumer': must be perfect"),
+        (
+            "{imperfections: {joint_noise: 0.01}}",
+            "^imperfections = .*joint_noise=0.01.*: must be none",
+        ),
+        (
+            "{pushes: [{delta_v: 0.1, at: 1 s, point: [0.1, 0.0, 0.2]}]}",
+            r"^point = \[0.1, 0.0, 0.2\]: must not be given",
+        ),
+    ],
+)
+def test_a_point_mass_has_neither_sensors_nor_a_body(text, message):
+    scenario = load_scenario("walk_in_place", text=text)
+    with pytest.raises(ValueError, match=message):
         LipmDiagram(scenario)

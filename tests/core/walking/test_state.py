@@ -19,6 +19,7 @@ from nadia_balance.core.walking.state import (
     Side,
     WalkingState,
     support_polygon,
+    whole_ticks,
 )
 from tests.example_walks import SOLE, random_walks
 
@@ -38,6 +39,19 @@ def test_points_go_to_the_world_and_back():
     world = POSE.to_world(points)
     assert world == pytest.approx(np.array([[1.0, 2.2], [0.9, 2.0]]))
     assert POSE.to_sole(world) == pytest.approx(points)
+
+
+@pytest.mark.parametrize("time", [0.006, -0.004, math.nan, math.inf])
+def test_a_time_that_is_no_number_of_ticks_is_refused(time):
+    """Oracle: by hand, in ticks of 4 ms."""
+    assert whole_ticks("delay", 0.012, 0.004) == 3
+    with pytest.raises(ValueError, match=f"^delay = {time}: must be a mult"):
+        whole_ticks("delay", time, 0.004)
+
+
+def test_a_foot_has_a_normal():
+    with pytest.raises(ValueError, match=r"^normal = .*nan.*: must be finite"):
+        FootPose(normal=[0.0, 0.0, math.nan])
 
 
 @pytest.mark.parametrize("support", list(Side))

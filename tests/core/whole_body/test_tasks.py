@@ -207,6 +207,16 @@ def test_a_task_may_rest():
     )
 
 
+def test_refuses_weights_that_are_fewer_than_its_rows():
+    """Oracle: by hand: two weights, one row."""
+    qp = WholeBodyQp(
+        WholeBodyQpParams(), model(), PERIOD, [JointTask(ELBOW, 0.0, [1, 2])]
+    )
+    terms = terms_at(random_state(0))
+    with pytest.raises(ValueError, match="^task 'joint': 2 weights for 1 rows"):
+        qp.solve(terms, command(terms, (True, True)))
+
+
 def test_refuses_a_negative_weight():
     task = JointTask(ELBOW, 0.0, -1.0)
     with pytest.raises(ValueError, match="joint = -1.0"):
