@@ -48,6 +48,9 @@ def name_of(kind: type | str | None) -> str:
     """
     if kind is None:
         return NONE
+    require(
+        isinstance(kind, str | type), f"{kind!r}: must be a class, or its name"
+    )
     name = (
         kind if isinstance(kind, str) else f"{kind.__module__}:{kind.__name__}"
     )
@@ -102,7 +105,7 @@ def class_of(name: str) -> type:
         sys.path.append(os.getcwd())
     try:
         imported = importlib.import_module(module)
-    except Exception as error:  # whatever the module does
+    except (Exception, SystemExit) as error:  # whatever the module does
         raise ValueError(
             f"{name}: module {module}: must be importable "
             f"({type(error).__name__}: {error})"
@@ -158,17 +161,24 @@ def made(name: str, scenario: Scenario, period: float) -> System:
         "period": period,
     }
     try:
-        arguments = inspect.signature(kind).parameters
         block = kind(
-            **{key: offered[key] for key in arguments if key in offered}
+            **{key: offered[key] for key in _arguments(kind) if key in offered}
         )
-    except Exception as error:  # whatever its constructor does
+    except (Exception, SystemExit) as error:  # whatever its constructor does
         raise ValueError(
             f"{name}: must be made with some of {', '.join(offered)} "
             f"({type(error).__name__}: {error})"
         ) from None
     require(isinstance(block, System), f"{name}: must be a System of Drake")
     return cast(System, block)
+
+
+def _arguments(kind: type) -> list[str]:
+    """The arguments of a class's constructor; Drake's own tell none."""
+    try:
+        return [*inspect.signature(kind).parameters]
+    except ValueError:
+        return []
 
 
 def all_made(

@@ -27,6 +27,8 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.diagrams.tick_replay import Ticks, record_push, replay
+from nadia_balance.parameters.bounds import require
+from nadia_balance.results.folder import appearing
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
@@ -61,6 +63,8 @@ def main(argv: list[str] | None = None) -> int:
         )
         if not 0.0 < args.seconds <= LONGEST:
             parser.error(f"seconds = {args.seconds}: must be in (0, {LONGEST}]")
+        if args.record is not None:
+            recorded(args.record)  # before anything is measured
     figures = measure(scenario, args.seconds) | push_figures(
         scenario.robot, scenario.mechanisms
     )
@@ -241,16 +245,41 @@ def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
         "mechanisms": scenario.mechanisms,
         **{name: f"{value:.4g}" for name, value in figures.items()},
     }
-    rows = [row]
-    if path.exists():
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = [*csv.DictReader(file), row]
+    rows = [*recorded(path), row]
     # Rows of today may have columns that older ones lack.
     names = {name: None for each in rows for name in each}
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, [*names], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    with appearing(path.parent) as drafts:
+        draft = drafts / path.name
+        with draft.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, [*names], lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+def recorded(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV that record() has written.
+
+    Args:
+        path: of the CSV.
+
+    Returns:
+        Its rows; none if there is no such file.
+
+    Raises:
+        ValueError: it is another file, or there is no folder for it.
+    """
+    require(
+        path.parent.is_dir(),
+        f"record = {path}: must be in a folder that exists",
+    )
+    if not path.exists():
+        return []
+    with contextlib.suppress(OSError, UnicodeDecodeError, csv.Error):
+        text = path.read_text(encoding="utf-8")
+        rows = list(csv.DictReader(text.splitlines()))
+        if all(row.get("commit") for row in rows):
+            return rows
+    raise ValueError(f"record = {path}: must be a CSV of this program")
 
 
 def _machine() -> str:

@@ -153,11 +153,25 @@ def velocity(text: str) -> tuple[float, ...]:
     Raises:
         ArgumentTypeError: these are not three finite numbers.
     """
+    return three(text, "forward, left [m/s] and turn [rad/s]")
+
+
+def three(text: str, names: str) -> tuple[float, ...]:
+    """Parses three numbers.
+
+    Args:
+        text: of a flag.
+        names: of the numbers.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        ArgumentTypeError: these are not three finite numbers.
+    """
     numbers = tuple(finite(word) for word in text.replace(",", " ").split())
     if len(numbers) != 3:
-        raise argparse.ArgumentTypeError(
-            f"{text!r}: must be forward, left [m/s] and turn [rad/s]"
-        )
+        raise argparse.ArgumentTypeError(f"{text!r}: must be {names}")
     return numbers
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import until_ctrl_c
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import check_number
 from nadia_balance.scripts import command_line
 from nadia_balance.wire import keyboard, loop
 from nadia_balance.wire.balance import process_of
@@ -19,6 +19,7 @@ from nadia_balance.wire.messages import LOOPBACK
 from nadia_balance.wire.process import Phase, RobotProcess
 
 STAND, LET_GO = "r", "b"  # keys
+SLOWEST = 1000.0  # largest factor of a lock step
 
 
 @command_line.program
@@ -34,9 +35,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = _parser()
     args = parser.parse_args(argv)
     with parser.refusing():
-        require(
-            args.lockstep >= 1.0, f"lockstep = {args.lockstep}: must be >= 1"
-        )
+        check_wire_flags(args)
         robot, process = process_of(args.robot, args.sensors, command_line.say)
         wire = controller_wire(args.wire, robot, args.interface, args.domain)
         loop.refuse_rivals(wire)
@@ -124,6 +123,20 @@ def wire_flags(parser: command_line.CommandLine) -> None:
         type=command_line.finite,
         help="by the robot's clock [s] (until Ctrl-C)",
     )
+
+
+def check_wire_flags(args: argparse.Namespace) -> None:
+    """Checks the flags of both ends of a wire.
+
+    Args:
+        args: those of `wire_flags`.
+
+    Raises:
+        ValueError: one is out of range.
+    """
+    check_number("lockstep", args.lockstep, least=1.0, most=SLOWEST)
+    if args.duration is not None:
+        check_number("duration", args.duration, above=0.0, unit="s")
 
 
 def _until(

@@ -37,14 +37,13 @@ from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 from nadia_balance.sweep import limits, push_v1, report, run_trial
-from nadia_balance.sweep.envelope import keep_contract
+from nadia_balance.sweep.envelope import MOST_DIRECTIONS, keep_contract
 from nadia_balance.sweep.row import ROW, lines_of, write_row
 from nadia_balance.sweep.search import SearchParams, Sweep
 from nadia_balance.sweep.tour import Tour
 from nadia_balance.sweep.trials import TRIALS, UNDECIDED, Rows
 
 SCENARIO, COMMAND = "scenario.yaml", "command.txt"
-MOST_DIRECTIONS = 72  # largest count of directions
 QUICK = {"directions": "8", "resolution": 0.1, "stride": 4, "replicas": 1}
 # Flags that push-v1 leaves to the user.
 FREE = (

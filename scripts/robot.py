@@ -3,20 +3,27 @@
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
 import sys
+from functools import partial
 
 import numpy as np
 
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import until_ctrl_c
-from nadia_balance.parameters.bounds import check, require
+from nadia_balance.parameters.bounds import check, check_number
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
-from nadia_balance.scripts.control import wire_flags
+from nadia_balance.scripts.control import check_wire_flags, wire_flags
 from nadia_balance.wire.kinds import joint_names, robot_wire
 from nadia_balance.wire.process import damping
 from nadia_balance.wire.serve import BusFaults, Serving
 from nadia_balance.wire.simulated_robot import ENGINES, SimulatedRobot
+
+PUSH = (
+    "when, after it stands alone [s], how strong [m/s], and where to [deg, "
+    "90 left]"
+)
+STICKS = "forward", "left", "turn"
 
 
 @command_line.program
@@ -80,18 +87,17 @@ def _parser() -> command_line.CommandLine:
     )
     parser.add_argument(
         "--push",
-        type=command_line.velocity,
+        type=partial(command_line.three, names=PUSH),
         action="append",
         metavar="P",
-        help="when, after it stands alone [s], how strong [m/s], and where to "
-        '[deg, 90 left], such as "2.0 0.5 90"; more than once',
+        help=f'{PUSH}, such as "2.0 0.5 90"; more than once',
     )
     parser.add_argument(
         "--sticks",
-        type=command_line.velocity,
+        type=partial(command_line.three, names=", ".join(STICKS)),
         default=(0.0, 0.0, 0.0),
         metavar="S",
-        help="of its remote control: forward, left, turn, each in [-1, 1]",
+        help=f"of its remote control: {', '.join(STICKS)}, each in [-1, 1]",
     )
     _bus_flags(parser)
     return parser
@@ -111,7 +117,15 @@ def _bus_flags(parser: command_line.CommandLine) -> None:
 
 
 def _serving(args: argparse.Namespace) -> Serving:
-    require(args.lockstep >= 1.0, f"lockstep = {args.lockstep}: must be >= 1")
+    check_wire_flags(args)
+    check_number("seed", args.seed, least=0)
+    for name, number in zip(STICKS, args.sticks, strict=True):
+        check_number(f"sticks, {name}", number, least=-1.0, most=1.0)
+    for time, delta_v, _ in args.push or []:
+        check_number("push, when", time, above=0.0, unit="s")
+        check_number(
+            "push, how strong", delta_v, least=0.0, most=10.0, unit="m/s"
+        )
     names = "delay", "lost", "late", "late_by", "silence", "silent_at"
     faults = BusFaults()
     for name in names:

@@ -1,6 +1,7 @@
 """A sweep in one call, as scripts/envelope.py makes it by its flags."""
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ from nadia_balance.core.walking.mechanisms import MOST
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.own_blocks import name_of
 from nadia_balance.diagrams.scenario import AT, load_scenario
+from nadia_balance.parameters.bounds import check_number, check_type, require
+from nadia_balance.parameters.yaml_reader import check_types
 from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results.folder import prepare_folder
 from nadia_balance.results.pages import CONTRACT
@@ -22,6 +25,8 @@ from nadia_balance.sweep.limits import (
 from nadia_balance.sweep.report import write_report
 from nadia_balance.sweep.run_trial import open_workers, run_sweep
 from nadia_balance.sweep.search import SearchParams, Sweep
+
+MOST_DIRECTIONS = 72  # largest count of directions
 
 
 def envelope(
@@ -72,11 +77,11 @@ def envelope(
         RuntimeError: a worker fails.
         OSError: a file cannot be written.
     """
-    angles = (
-        [i * 360.0 / directions for i in range(directions)]
-        if isinstance(directions, int)
-        else directions
-    )
+    require(bool(str(out)), "out = '': must be the name of a folder")
+    check_type("blocks", {} if blocks is None else blocks, Mapping)
+    check_types(list[str], mechanisms, "mechanisms")
+    check_type("at", at, str)
+    check_type("search", search or SearchParams(), SearchParams)
     name = controller if isinstance(controller, str) else name_of(controller)
     sweep = Sweep(
         scenarios={scenario: load_scenario(scenario, **changes)},
@@ -84,7 +89,7 @@ def envelope(
         controller=name,
         contract=tuple(contract),
         blocks={role: name_of(kind) for role, kind in (blocks or {}).items()},
-        directions=tuple(round(angle, 6) for angle in angles),
+        directions=_angles(directions),
         at=(at,),
         mechanisms=tuple(mechanisms),
         search=search or SearchParams(),
@@ -105,6 +110,16 @@ def envelope(
         table = limit_table(rows, sweep.scenarios, other)
         write_report(table, rows)
     return table
+
+
+def _angles(directions: int | Sequence[float]) -> tuple[float, ...]:
+    """The angles [deg] that are listed, or as many as are counted."""
+    if isinstance(directions, Integral) and not isinstance(directions, bool):
+        count = int(directions)
+        check_number("directions", count, least=1, most=MOST_DIRECTIONS)
+        return tuple(round(i * 360.0 / count, 6) for i in range(count))
+    check_types(list[float], directions, "directions")
+    return tuple(round(float(angle), 6) for angle in directions)
 
 
 def keep_contract(folder: Path, diagram: ClosedLoop) -> list[str]:

@@ -15,13 +15,21 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MECHANISMS, NAMED
 from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import AT, Scenario
 from nadia_balance.diagrams.simulation import closed_loop
-from nadia_balance.parameters.bounds import bounded, check, parameters, require
+from nadia_balance.parameters.bounds import (
+    bounded,
+    check,
+    check_number,
+    parameters,
+    require,
+)
+from nadia_balance.parameters.yaml_reader import check_types
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import (
+    MOST,
     Cell,
     Identity,
     Results,
@@ -46,7 +54,7 @@ class SearchParams:
         most=1000,
     )
     replicas: int = bounded(5, doc="of the same push", least=1, most=1000)
-    largest: float = bounded(3.0, doc="push, in m/s")
+    largest: float = bounded(3.0, doc="push", above=0.0, most=MOST, unit="m/s")
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "SearchParams":
@@ -113,7 +121,21 @@ class Sweep:
         Raises:
             ValueError: names field, value and what is allowed.
         """
+        check_types(SearchParams, asdict(self.search))
         check(self.search)
+        for name in ("directions", "at", "mechanisms"):
+            values = getattr(self, name)
+            require(
+                len(values) == len(set(values)) > 0,
+                f"{name} = {values}: must be one or more, each once",
+            )
+        for angle in self.directions:
+            check_number("directions", angle, least=0.0, below=360.0)
+        for name in self.mechanisms:
+            require(
+                name in NAMED,
+                f"mechanisms = {name!r}: must be one of {', '.join(NAMED)}",
+            )
         for name, scenario in self.scenarios.items():
             require(
                 len(scenario.pushes) == 1

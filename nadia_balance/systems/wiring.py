@@ -16,6 +16,7 @@ from pydrake.systems.framework import (
 )
 
 from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.yaml_reader import one_line
 
 
 def connect(
@@ -127,7 +128,10 @@ def wire(
             label = f"{role} = {type(block).__name__}: input port {name!r}"
             if name in sources:
                 _check_kind(label, port, sources[name])
-                builder.Connect(sources[name], port)
+                try:
+                    builder.Connect(sources[name], port)
+                except RuntimeError as error:  # of abstract values
+                    raise ValueError(f"{label}: {one_line(error)}") from None
             elif name in exported:
                 builder.ConnectInput(name, port)
             elif name in inputs:
@@ -145,7 +149,8 @@ def _check_kind(label: str, port: InputPort, source: OutputPort) -> None:
     if kind != needed:
         name = cast(System, source.get_system()).get_name()
         raise ValueError(
-            f"{label} must be {needed}, as {name}'s output; it is {kind}"
+            f"{label} is {kind}, {name}'s output is {needed}: they must be "
+            "alike"
         )
 
 

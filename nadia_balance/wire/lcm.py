@@ -9,6 +9,7 @@ the sender's number in a command.  The names are
     quaternion.w ..., gyro.x ..., force.x ..., stick.forward ..., halt
 """
 
+import functools
 import os
 import select
 import socket
@@ -22,7 +23,7 @@ from drake import lcmt_drake_signal  # type: ignore[import-untyped]
 from pydrake.lcm import DrakeLcm
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.parameters.bounds import check_number
+from nadia_balance.parameters.bounds import check_number, require
 from nadia_balance.wire.messages import (
     LOOPBACK,
     JointCommand,
@@ -44,6 +45,24 @@ _BODY = (
 )
 
 
+@functools.lru_cache(maxsize=64)
+def is_here(address: str) -> bool:
+    """Whether an address is one of this machine's.
+
+    Args:
+        address: of IPv4.
+
+    Returns:
+        True if a socket can be bound to it.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attempt:
+        try:
+            attempt.bind((address, 0))
+        except OSError:
+            return False
+    return True
+
+
 class _Group:
     """A multicast group: Drake sends to it, and a queue has what comes.
 
@@ -55,14 +74,20 @@ class _Group:
         """Joins the group.
 
         Args:
-            interface: "lo" stays on this machine; any other name lets the
-                machine's routes decide.
+            interface: "lo" neither leaves this machine nor hears another one;
+                any other one lets the machine's routes decide.
             domain: that of both ends.
 
         Raises:
-            ValueError: there is no such domain, or no multicast.
+            ValueError: there is no such interface or domain, or no multicast.
         """
         check_number("domain", domain, least=0, most=232)
+        names = [name for _, name in socket.if_nameindex()]
+        require(
+            interface in (LOOPBACK, *names),
+            f"interface = {interface!r}: must be one of {', '.join(names)}",
+        )
+        self._is_open = interface != LOOPBACK
         port, ttl = PORT + domain, 0 if interface == LOOPBACK else 1
         self._queues: dict[bytes, deque[bytes]] = {}
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -99,7 +124,9 @@ class _Group:
         """Queues what has come; waits for the first for a while [s]."""
         while select.select([self._socket], [], [], timeout)[0]:
             timeout = 0.0
-            datagram = self._socket.recv(1 << 16)
+            datagram, (address, _) = self._socket.recvfrom(1 << 16)
+            if not (self._is_open or is_here(address)):
+                continue
             channel, _, data = datagram[8:].partition(b"\0")
             if datagram.startswith(_SHORT) and channel in self._queues:
                 self._queues[channel].append(data)

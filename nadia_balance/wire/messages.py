@@ -16,6 +16,7 @@ from nadia_balance.core.math.arrays import Array
 
 LOOPBACK = "lo"  # the network interface that stays on this machine
 UNIT = 0.1  # by which the norm of a quaternion may differ from 1 [-]
+LARGEST = 1e6  # number of a joint, or of the body, in SI units
 
 
 class Mode(IntEnum):
@@ -100,6 +101,11 @@ def fault_of(message: RobotState | JointCommand, joints: int) -> str:
             )
         if not np.isfinite(value).all():
             return f"{part.name} = {value.tolist()}: must be finite"
+        if value.ndim == 1 and np.abs(value).max() > LARGEST:
+            return (
+                f"{part.name} = {value.tolist()}: must be within "
+                f"{LARGEST:g} of 0"
+            )
     if isinstance(message, RobotState):
         norm = float(np.linalg.norm(message.quaternion))
         if abs(norm - 1.0) > UNIT:

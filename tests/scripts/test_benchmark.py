@@ -11,6 +11,7 @@ import pytest
 from nadia_balance.diagrams.tick_replay import record_push
 from nadia_balance.scripts import benchmark
 from tests.diagrams.simulated import scenario_of
+from tests.scripts.running import assert_refused, run_script
 
 PUSH = "{gait: {num_steps: 2}, pushes: [{delta_v: 0.1, at: 0.02 s}]}"
 
@@ -69,6 +70,18 @@ def test_a_record_keeps_rows_that_have_other_columns(tmp_path):
     assert first["commit"] == "abc" and first["older_us"] == "12"
     assert not first["newer_us"] and not second["older_us"]
     assert second["newer_us"] == "3.4"
+
+
+@pytest.mark.parametrize(
+    "content", [b"# Title\n\nHello, world\n", b"\xff\xfe", b'{"a": 1}\n2\n']
+)
+def test_a_record_is_no_other_file(tmp_path, capsys, content):
+    """Oracle: the bytes of before; nothing is measured."""
+    path = tmp_path / "notes.txt"
+    path.write_bytes(content)
+    outcome = run_script(benchmark, ["--record", path], capsys)
+    assert_refused(outcome, f"record = {path}: must be a CSV of this program")
+    assert path.read_bytes() == content
 
 
 def test_refuses_ticks_that_are_not_those_of_the_loop():

@@ -50,6 +50,15 @@ class OnlyHere(ErrorStepAdjuster):
             raise RuntimeError("not elsewhere")
         super().__init__(model)
 
+class Bare(LeafSystem):
+    pass
+
+
+class Exit(LeafSystem):
+    def __init__(self):
+        raise SystemExit(3)
+
+
 class Greedy(ErrorStepAdjuster):
     def __init__(self, model, weather):
         super().__init__(model)
@@ -180,6 +189,8 @@ def test_a_worker_that_cannot_make_it_says_so(here):
         (["--block", "step_adjuster=no.mine:A"], "module no.mine: must be imp"),
         (["--block", "step_adjuster=mine:Adj"], "must be a class of the modul"),
         (["--block", "step_adjuster=mine:Greedy"], "must be made with some of"),
+        (["--block", "step_adjuster=mine:Exit"], "must be made with some of"),
+        (["--block", "step_adjuster=mine:Bare"], "must have the output port"),
         (["--block", "adjuster=mine:ErrorStepAdjuster"], "block = 'adjuster':"),
         (["--block", "momentum_qp=mine:ErrorStepAdjuster"], "must have the ou"),
         (["--block", "step_adjuster=os:PathLike"], "must be made with some of"),
@@ -194,6 +205,31 @@ def test_what_is_not_there_is_refused_before(here, capsys, flags, message):
     (line,) = outcome.err
     assert message in line
     assert not (here / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"directions": []}, r"directions = \(\): must be one or more"),
+        ({"directions": 0}, r"directions = 0: must be in \[1, 72\]"),
+        ({"directions": [-90.0]}, r"directions = -90.0: must be in \[0, 360\)"),
+        ({"directions": [np.nan]}, "directions.* = nan: must be"),
+        ({"directions": [5.0, 5.0]}, "directions = .*: must be .* each once"),
+        ({"directions": "12"}, "directions = '12': must be a list"),
+        ({"mechanisms": "step"}, "mechanisms = 'step': must be a list"),
+        ({"mechanisms": ["no"]}, "mechanisms = 'no': must be one of icp_only"),
+        ({"at": None}, "at = None: must be a str"),
+        ({"search": SearchParams(largest=500.0)}, "largest = 500.0: must be"),
+        ({"search": SearchParams(replicas=2.5)}, "replicas = 2.5: must be an"),
+        ({"blocks": {"icp_planner": 5}}, "5: must be a class, or its name"),
+        ({"plant": "x"}, "plant = 'x': must be one of humanoid, lipm"),
+    ],
+)
+def test_a_call_is_checked_before_anything_runs(tmp_path, arguments, message):
+    """Oracle: the rules; no folder is made."""
+    with pytest.raises(ValueError, match=f"^{message}"):
+        nb.envelope(tmp_path / "out", **arguments)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("has_mine", [False, True])

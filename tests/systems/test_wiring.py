@@ -48,14 +48,14 @@ def test_wires_by_name_and_exports_the_rest():
         (
             "pose mechanisms",
             {"a": Ones(3), "b": Sink()},
-            "input port 'pair' must be a vector of 3, as a's output; it is a "
-            "vector of 2",
+            "input port 'pair' is a vector of 2, a's output is a vector of 3: "
+            "they must be alike",
         ),
         (
             "pair mechanisms",
             {"b": Sink("pose")},
-            "input port 'pose' must be a vector of 2, as b's output; it is "
-            "abstract",
+            "input port 'pose' is abstract, b's output is a vector of 2: they "
+            "must be alike",
         ),
     ],
 )

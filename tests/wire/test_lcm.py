@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pydrake.lcm import DrakeLcm
 
+from nadia_balance.wire import lcm
 from nadia_balance.wire.lcm import LcmRobotWire, LcmWire
 from nadia_balance.wire.messages import Mode, RefusedError
 from tests.wire import ends
@@ -44,6 +45,26 @@ def test_waits_no_longer_than_it_is_told(both):
     assert 0.05 <= time.monotonic() - began < 5.0
     assert robot.read(1.0) is not None
     assert robot.read(0.0) is None
+
+
+def test_hears_no_other_machine(both, monkeypatch):
+    """Oracle: RFC 5737: 192.0.2.1 is nobody's address."""
+    assert lcm.is_here("127.0.0.1")
+    assert not lcm.is_here("192.0.2.1")
+    robot, controller = both
+    monkeypatch.setattr(lcm, "is_here", lambda address: False)
+    robot.write(state(1.0))
+    assert controller.read(0.05) is None
+    monkeypatch.undo()
+    robot.write(state(2.0))
+    assert controller.read(1.0).time == 2.0
+
+
+@pytest.mark.parametrize("interface", ["", "nope0"])
+def test_refuses_an_interface_that_is_not_there(interface):
+    message = f"^interface = '{interface}': must be one of .*lo"
+    with pytest.raises(ValueError, match=message):
+        LcmWire(JOINTS, interface, DOMAIN)
 
 
 def test_refuses_what_is_not_of_this_robot(both):

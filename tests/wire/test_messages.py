@@ -29,6 +29,10 @@ from tests.wire.examples import N, command, state
             replace(command(), tau=np.array([1.0, np.nan, 2.0])),
             "tau = [1.0, nan, 2.0]: must be finite",
         ),
+        (
+            state(1.0, tau=np.array([1.0, -1e308, 2.0])),
+            "tau = [1.0, -1e+308, 2.0]: must be within 1e+06 of 0",
+        ),
         (replace(command(), kd=-command().kd), "kp, kd: must be >= 0"),
     ],
 )
