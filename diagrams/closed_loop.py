@@ -32,6 +32,8 @@ from nadia_balance.core.plan.footstep_plan import velocity_limits, within_limits
 from nadia_balance.core.walking.state import FootPose, FootPoses
 from nadia_balance.diagrams.region_log import add_region_log, region_rows
 from nadia_balance.diagrams.scenario import Scenario
+from nadia_balance.parameters.bounds import check, check_type
+from nadia_balance.parameters.yaml_reader import check_types, field_types
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
 from nadia_balance.systems.push_source import PushSource
@@ -99,8 +101,15 @@ class ClosedLoop(Diagram):
 
         Args:
             scenario: what is simulated.
+
+        Raises:
+            ValueError: the scenario is none, or not valid.
         """
         super().__init__()
+        check_type("scenario", scenario, Scenario)
+        names = field_types(Scenario)
+        check_types(Scenario, {name: getattr(scenario, name) for name in names})
+        check(scenario)
         self.scenario = scenario
         self.robot: RobotModel = load_robot(scenario.robot, scenario.fidelity)
         self._regions: VectorLogSink | None = None

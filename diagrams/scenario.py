@@ -5,6 +5,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Self
@@ -287,6 +288,16 @@ class Scenario:
         Raises:
             ValueError: neither push nor `delta_v`, or a value is invalid.
         """
+        for name, value, kinds, words in (
+            ("direction", direction, str | Real, "degrees, or a name"),
+            ("delta_v", delta_v, Real, "a number"),
+            ("at", at, str, "a moment in words"),
+            ("shape", shape, str, "a name"),
+        ):
+            is_good = isinstance(value, kinds) and not isinstance(value, bool)
+            require(
+                value is None or is_good, f"{name} = {value!r}: must be {words}"
+            )
         require(
             bool(self.pushes) or delta_v is not None,
             "pushes = []: must have a push, or delta_v be given",

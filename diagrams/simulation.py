@@ -26,7 +26,7 @@ from nadia_balance.diagrams.verdict import (
     push_signal,
     run_info,
 )
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import check_number, require
 from nadia_balance.parameters.yaml_reader import told
 from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results.summary import SLOWEST, Run
@@ -273,10 +273,7 @@ def advance(
     Raises:
         ValueError: the duration is negative, or no number.
     """
-    require(
-        0.0 <= duration <= LONGEST,
-        f"duration = {duration}: must be in [0, {LONGEST:g}] s",
-    )
+    check_number("duration", duration, least=0.0, most=LONGEST, unit="s")
     diagram = cast(ClosedLoop, simulator.get_system())
     context = simulator.get_mutable_context()
     with until_ctrl_c() as pressed:

@@ -138,7 +138,8 @@ def systems_in(diagram: Diagram) -> Iterator[System]:
 @pytest.fixture(scope="module")
 def diagrams() -> list[Diagram]:
     real = "fidelity: realistic, mechanisms: all_with_cross_over, "
-    real += "imperfections: {delay: 0.004}, pushes: [{delta_v: 0.1, at: 5 s}], "
+    real += "pushes: [{delta_v: 0.1, at: 5 s}], "
+    delay = "imperfections: {delay: 0.004}, "
     qp = "mechanisms: step_swing, controller: {icp_step_qp: {}}, "
 
     def scenario(text="", **changes):
@@ -147,7 +148,7 @@ def diagrams() -> list[Diagram]:
 
     return [
         HumanoidDiagram(
-            scenario(real, sensors="proprioceptive"), start_meshcat()[0]
+            scenario(real + delay, sensors="proprioceptive"), start_meshcat()[0]
         ),
         LipmDiagram(scenario(real)),
         LipmDiagram(scenario(qp)),

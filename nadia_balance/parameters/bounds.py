@@ -14,6 +14,7 @@ For example:
 import dataclasses
 import inspect
 import math
+from numbers import Real
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 T = TypeVar("T")
@@ -204,6 +205,10 @@ def check_number(name: str, value: float, **bounds: Any) -> None:
     Raises:
         ValueError: it is out of them, or no number.
     """
+    require(
+        isinstance(value, Real) and not isinstance(value, bool),
+        f"{name} = {value!r}: must be a number",
+    )
     _check(value, name, Bounds(**bounds))
 
 

@@ -12,7 +12,7 @@ from pydrake.systems.framework import LeafSystem
 
 from nadia_balance.core.walking.state import FootPose, Footstep, Side
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import load_scenario
+from nadia_balance.diagrams.scenario import Command, load_scenario
 from nadia_balance.diagrams.simulation import (
     RecoveryWatch,
     advance,
@@ -164,6 +164,36 @@ def test_a_planner_of_the_users_that_is_wrong_ends_the_run(steps, words):
 def test_what_is_simulated_is_one_of_two(arguments, message):
     with pytest.raises(ValueError, match=message):
         closed_loop(load_scenario("push"), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"delta_v": "0.3"}, "delta_v = '0.3': must be a number"),
+        ({"direction": [1]}, r"direction = \[1\]: must be degrees"),
+        ({"direction": True}, "direction = True: must be degrees"),
+        ({"at": 1.0}, "at = 1.0: must be a moment"),
+        ({"shape": 5}, "shape = 5: must be a name"),
+        ({"duration": "x"}, "duration = 'x': must be a number"),
+    ],
+)
+def test_a_call_names_what_has_another_type(changes, message):
+    """Oracle: the rules."""
+    with pytest.raises(ValueError, match=f"^{message}"):
+        simulate("push", **changes)
+
+
+def test_a_diagram_checks_its_scenario():
+    """Oracle: the rules of load_scenario, which did not make it."""
+    good = load_scenario("push")
+    for bad, message in (
+        (replace(good, engine="bullet"), "engine = 'bullet': must be one of"),
+        (replace(good, duration=-1.0), "duration = -1.0: must be"),
+        (replace(good, commands=[Command()]), "gait.num_steps = .*: must not"),
+        ("push", "scenario = 'push': must be a Scenario"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}"):
+            LipmDiagram(bad)
 
 
 def test_a_number_that_is_none_stops_the_point_mass():
