@@ -5,6 +5,7 @@ state, the references and the torques of t, all from the same x-.  The updates
 reuse the outputs that the log has evaluated from the cache.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -134,6 +135,7 @@ class ClosedLoop(Diagram):
         remarks = list(self.robot.remarks)
         if not self.controller.HasOutputPort("footsteps"):
             return remarks  # a policy takes every command
+        remarks += self._late_steps()
         for i, row in enumerate(self.scenario.commands):
             asked = np.array([row.forward, row.left, row.turn])
             taken = within_limits(asked, self.velocity_limits)
@@ -143,6 +145,30 @@ class ClosedLoop(Diagram):
                     f"it can walk, {taken.round(3).tolist()} is taken"
                 )
         return remarks
+
+    def _late_steps(self) -> list[str]:
+        """Says which planned step is the first that the legs cannot make."""
+        model, limits = self.robot.point_mass, self.robot.foot_limits
+        schedule = self.scenario.start(model).schedule
+        feet = schedule.feet
+        for i, step in enumerate(schedule.footsteps, 1):
+            start, goal = feet[step.side].p_WF[:2], step.pose.p_WF[:2]
+            needed = model.detour.time_of_way(
+                start=start,
+                goal=goal,
+                stance=feet[step.side.other],
+                swing=step.side,
+            )
+            if needed > step.swing_duration:
+                return [
+                    f"step {i}: its foot needs {needed:.2f} s for "
+                    f"{math.dist(start, goal):.2f} m, the swing takes "
+                    f"{step.swing_duration:.2f} s; the legs' joints leave it "
+                    f"{limits.speed} m/s ({limits.slowest}) and "
+                    f"{limits.acceleration} m/s^2 ({limits.weakest})"
+                ]
+            feet = feet.with_foot(step.side, step.pose)
+        return []
 
     def com(self, context: Context) -> Array:
         """Returns the centre of mass.

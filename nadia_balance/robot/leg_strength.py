@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,22 @@ _HORIZONTAL = np.eye(6)[:, 3:5]  # [w, v] of a foot that moves along x, along y
 # joints' speed for the path over the ground: the rest lifts the foot.
 _PEAK, _SHARE = 1.875, 0.7
 _DIGITS = 4  # of lengths [m], more than any drive is known to
+
+
+class FootLimits(NamedTuple):
+    """What the joints of the legs leave to a foot, and which joints these are.
+
+    Args:
+        acceleration: largest, horizontal [m/s^2].
+        speed: largest, horizontal, mean of a swing [m/s].
+        weakest: joint that limits the acceleration.
+        slowest: joint that limits the speed.
+    """
+
+    acceleration: float
+    speed: float
+    weakest: str
+    slowest: str
 
 
 class StandingLegs:
@@ -85,7 +101,7 @@ class StandingLegs:
             torques -= share * weight @ self._jacobian(side)[3:]
         return torques
 
-    def foot_limits(self, speeds: Array) -> tuple[float, float]:
+    def foot_limits(self, speeds: Array) -> FootLimits:
         """The largest acceleration and mean speed of a foot: J qdd = d a.
 
         They are those of the worse foot in the worst horizontal direction d,
@@ -97,7 +113,7 @@ class StandingLegs:
             speeds: speed limits (nj,) [rad/s] of the joints.
 
         Returns:
-            Acceleration [m/s^2] and mean speed [m/s].
+            The limits.
         """
         plant = self.plant
         M = plant.CalcMassMatrix(self.context)
@@ -105,24 +121,30 @@ class StandingLegs:
             plant.CalcGravityGeneralizedForces(self.context)
         )
         speed_limits = np.append(np.zeros(6), speeds)
-        limits = []
+        accelerations: dict[str, float] = {}
+        foot_speeds: dict[str, float] = {}
         for side, foot in self.robot.foot_bodies.items():
-            leg = [
-                joint.velocity_start() for joint in joints_above(plant, foot)
-            ]
+            joints = joints_above(plant, foot)
+            names = [joint.name() for joint in joints]
+            leg = [joint.velocity_start() for joint in joints]
             motion = np.linalg.lstsq(
                 self._jacobian(side)[:, leg], _HORIZONTAL, rcond=None
             )[0]
             # The largest of x cos(s) + y sin(s) over all directions s.
             torques = np.hypot(*(M[np.ix_(leg, leg)] @ motion).T)
             with np.errstate(divide="ignore"):
-                accelerations = np.maximum(room[leg], 0.0) / torques
-                foot_speeds = speed_limits[leg] / np.hypot(*motion.T)
-            limits.append(
-                (accelerations.min(), foot_speeds.min() * _SHARE / _PEAK)
-            )
-        acceleration, speed = np.min(limits, axis=0)
-        return round(float(acceleration), 1), round(float(speed), 2)
+                largest = np.maximum(room[leg], 0.0) / torques
+                fastest = speed_limits[leg] / np.hypot(*motion.T)
+            accelerations |= dict(zip(names, largest.tolist(), strict=True))
+            foot_speeds |= dict(zip(names, fastest.tolist(), strict=True))
+        weakest = min(accelerations, key=accelerations.__getitem__)
+        slowest = min(foot_speeds, key=foot_speeds.__getitem__)
+        return FootLimits(
+            acceleration=round(accelerations[weakest], 1),
+            speed=round(foot_speeds[slowest] * _SHARE / _PEAK, 2),
+            weakest=weakest,
+            slowest=slowest,
+        )
 
     def cop_area(self, sole: Array) -> Array:
         """The part of the sole where the ankles hold the CoP.

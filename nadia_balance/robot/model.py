@@ -28,7 +28,11 @@ from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
 from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.parameters.yaml_reader import load_tree, load_typed
-from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
+from nadia_balance.robot.leg_strength import (
+    FootLimits,
+    StandingKinematics,
+    StandingLegs,
+)
 from nadia_balance.robot.params import MODELS, RobotParams, idealised
 from nadia_balance.robot.plants import (
     actuators,
@@ -136,15 +140,22 @@ class RobotModel:
         return corners
 
     @cached_property
+    def foot_limits(self) -> FootLimits:
+        """What the joints of the standing robot's legs leave to a foot."""
+        legs = StandingLegs(self, self.standing_positions())
+        return legs.foot_limits(self.max_joint_speeds)
+
+    @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
         legs = StandingLegs(self, self.standing_positions())
-        acceleration, speed = legs.foot_limits(self.max_joint_speeds)
         detour = self.params.swing_detour
         detour = replace(
             detour,
-            max_speed=min(speed, detour.max_speed),
-            max_acceleration=min(acceleration, detour.max_acceleration),
+            max_speed=min(self.foot_limits.speed, detour.max_speed),
+            max_acceleration=min(
+                self.foot_limits.acceleration, detour.max_acceleration
+            ),
         )
         reach = self.params.reachability
         sole_clearance = 0.0

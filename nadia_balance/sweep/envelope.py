@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from dask.system import CPU_COUNT
 
@@ -119,7 +119,8 @@ def _angles(directions: int | Sequence[float]) -> tuple[float, ...]:
         check_number("directions", count, least=1, most=MOST_DIRECTIONS)
         return tuple(round(i * 360.0 / count, 6) for i in range(count))
     check_types(list[float], directions, "directions")
-    return tuple(round(float(angle), 6) for angle in directions)
+    angles = cast(Sequence[float], directions)
+    return tuple(round(float(angle), 6) for angle in angles)
 
 
 def keep_contract(folder: Path, diagram: ClosedLoop) -> list[str]:

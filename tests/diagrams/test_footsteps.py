@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import LeafSystem
 
+from nadia_balance.core.plan.gait import Gait, StepVector
 from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import Command, Scenario, load_scenario
 from nadia_balance.diagrams.simulation import simulate
@@ -211,6 +212,20 @@ def test_a_command_of_the_scenario_that_is_too_fast_is_told():
     taken = [0.8 * x / math.sqrt(1.28), 0.8 * y / math.sqrt(1.28), 0.0]
     assert words.startswith("commands[0] = [")
     assert words.endswith(f", {np.round(taken, 3).tolist()} is taken")
+
+
+@pytest.mark.parametrize(("duration", "is_told"), [(0.4, False), (0.2, True)])
+def test_a_swing_that_is_too_short_for_the_legs_is_told(duration, is_told):
+    """Oracle: by hand: way 0.5 m, 2 sqrt(0.5 / 45.2) + 0.02 s = 0.23 s."""
+    gait = Gait(
+        num_steps=4, swing_duration=duration, step=StepVector(length=0.5)
+    )
+    diagram = LipmDiagram(quick("stand").changed(gait=gait))
+    told = [line for line in diagram.remarks() if "its foot needs" in line]
+    assert len(told) == is_told
+    for line in told:
+        assert line.startswith("step 1: its foot needs 0.23 s for 0.50 m, the")
+        assert "45.2 m/s^2 (LEFT_HIP_X)" in line
 
 
 def test_a_source_that_is_too_fast_is_told_once():

@@ -67,23 +67,29 @@ def test_a_foot_is_as_fast_as_the_first_joint_at_its_limit(robot):
     gravity = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, gravity)
     effort = efforts(plant)
-    acceleration, speed = limits(robot, robot.max_joint_speeds)
+    acceleration, speed, weakest, slowest = limits(
+        robot, robot.max_joint_speeds
+    )
     torques, speeds = [], []
     for side, angle in itertools.product(Side, ANGLES):
         rates = moving(plant, context, robot, side, angle)
         needed = plant.CalcInverseDynamics(
             context, acceleration * rates, gravity
         )
-        torques.append(np.max(np.abs(needed / effort)[rates != 0.0]))
-        speeds.append(np.max(np.abs(rates[6:]) / robot.max_joint_speeds))
+        torques.append(np.where(rates == 0.0, 0.0, np.abs(needed / effort)))
+        speeds.append(np.abs(rates[6:]) / robot.max_joint_speeds)
     rounding = 0.05 / acceleration
     least = math.cos(math.pi / 64.0) - rounding
-    assert least <= max(torques) <= 1.0 + rounding
+    assert least <= np.max(torques) <= 1.0 + rounding
+    joint = plant.GetJointByName(weakest).velocity_start()
+    assert np.max(torques, axis=0)[joint] >= least
     # Between the angles tried, a joint may be a little faster.
-    expected = 0.7 / 1.875 / max(speeds)
+    expected = 0.7 / 1.875 / np.max(speeds)
     assert 0.995 * expected - 0.005 <= speed <= expected + 0.005
+    joint = plant.GetJointByName(slowest).velocity_start() - 6
+    assert np.max(speeds, axis=0)[joint] >= 0.995 * np.max(speeds)
     endless = np.full(robot.max_joint_speeds.size, np.inf)
-    assert limits(robot, speeds=endless)[1] == math.inf
+    assert limits(robot, speeds=endless).speed == math.inf
     detour, given = robot.point_mass.detour, robot.params.swing_detour
     assert detour.max_acceleration == min(acceleration, given.max_acceleration)
     assert detour.max_speed == min(speed, given.max_speed)
