@@ -120,6 +120,7 @@ class Terrain:
         )
         file = load_typed(RegionFile, f"terrain {self.name}", filename=path)
         check(file)
+        require(bool(file.regions), f"terrain {self.name}: must have regions")
         along = leg = 1.0
         if file.along:
             along = getattr(size, file.along) / getattr(NADIA, file.along)

@@ -11,6 +11,7 @@ from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import until_ctrl_c
 from nadia_balance.parameters.bounds import check_number
+from nadia_balance.results.live_watches import clipped_words
 from nadia_balance.scripts import command_line
 from nadia_balance.wire import keyboard, loop
 from nadia_balance.wire.balance import process_of
@@ -155,9 +156,10 @@ def _until(
             process.start()
         if process.phase is Phase.BALANCE:
             if args.command is not None:
-                process.velocity = within_limits(
-                    np.array(args.command), process.velocity_limits
-                )
+                asked, limits = np.array(args.command), process.velocity_limits
+                process.velocity = within_limits(asked, limits)
+                if words := clipped_words(asked, limits):
+                    command_line.say(f"commanded {words}")
                 args.command = None
             process.velocity = keyboard.commanded(
                 process.velocity, pressed, process.velocity_limits

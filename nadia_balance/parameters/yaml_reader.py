@@ -132,7 +132,8 @@ def load_tree(text: str, child_name: str | None = None) -> Any:
     )
     require(
         child_name in tree,
-        f"{child_name!r}: must be one of {', '.join(map(str, tree))}",
+        f"{child_name!r}: must be one of "
+        f"{', '.join(map(str, tree)) or 'its names, and has none'}",
     )
     return tree[child_name]
 

@@ -465,8 +465,13 @@ def whole_body_tree(name: str) -> dict[str, object]:
 
     Returns:
         The tree of these fields.
+
+    Raises:
+        ValueError: there is no such robot, or its file is malformed.
     """
-    tree = load_tree(_robot_file(name).read_text(encoding="utf-8"))
+    path = _robot_file(name)
+    with naming(f"robot = {name}"):
+        tree = load_tree(path.read_text(encoding="utf-8"))
     return cast(dict[str, object], tree.get("whole_body", {}))
 
 

@@ -471,7 +471,7 @@ def known_limits(folder: Path) -> dict[Cell, float]:
                 limits[Cell.of(line | {"direction_deg": angle})] = limit
         if not limits:
             raise ValueError
-    except (csv.Error, KeyError, TypeError, ValueError):
+    except (FileNotFoundError, csv.Error, KeyError, TypeError, ValueError):
         raise ValueError(
             f"limits = {str(folder)!r}: must have a {LIMITS}"
         ) from None

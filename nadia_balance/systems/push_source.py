@@ -96,15 +96,18 @@ class PushSource(Block):
         super().__init__()
         check_number("mass", mass, above=0.0, unit="kg")
         check_number("period", period, above=0.0, most=0.1, unit="s")
-        for push in pushes:
-            check(push)
-            whole_ticks("duration", push.duration, period)
+        for i, push in enumerate(pushes):
+            check(push, f"pushes[{i}]")
+            whole_ticks(f"pushes[{i}].duration", push.duration, period)
         self._pushes = list(pushes)
         self._mass = mass
         self.period = period
         self._shares = [push.shares(period) for push in pushes]
         self._effective = [push.effective_duration(period) for push in pushes]
-        self._delays = [whole_ticks("delay", p.delay, period) for p in pushes]
+        self._delays = [
+            whole_ticks(f"pushes[{i}].delay", push.delay, period)
+            for i, push in enumerate(pushes)
+        ]
         # Before these times a push is not looked at [s]; the last one is live.
         self._not_before = [
             *(

@@ -194,7 +194,7 @@ def test_a_worker_that_cannot_make_it_says_so(here):
         (["--block", "adjuster=mine:ErrorStepAdjuster"], "block = 'adjuster':"),
         (["--block", "momentum_qp=mine:ErrorStepAdjuster"], "must have the ou"),
         (["--block", "step_adjuster=os:PathLike"], "must be made with some of"),
-        (["--beside", "nowhere"], "No such file or directory: 'nowhere/limits"),
+        (["--beside", "nowhere"], "limits = 'nowhere': must have a limits.csv"),
         (["--controller", "mine:Relaxed"], "controller = 'mine:Relaxed': must"),
     ],
 )
