@@ -178,12 +178,15 @@ def _sweep_flags(parser: command_line.CommandLine) -> None:
     )
 
 
-def running_flags(group: argparse._ArgumentGroup, out: str) -> None:
+def running_flags(
+    group: argparse._ArgumentGroup, out: str, rows: str = TRIALS
+) -> None:
     """Adds the flags of `carry_out`.
 
     Args:
         group: of a parser.
         out: what help calls the default of --out.
+        rows: file that a folder has which goes on.
     """
     group.add_argument(
         "--workers",
@@ -197,7 +200,7 @@ def running_flags(group: argparse._ArgumentGroup, out: str) -> None:
     group.add_argument(
         "--out",
         type=command_line.place,
-        help=f"folder for the results; one with a {TRIALS} goes on (default: "
+        help=f"folder for the results; one with a {rows} goes on (default: "
         f"{out})",
     )
 

@@ -1,4 +1,4 @@
-"""Walks the tour of the G1 league, with our controller.
+"""Walks the tour of teleop-walking-benchmark, with our controller.
 
 Stages: `held`, waypoints with the arms held; `walked`, the arms move at random;
 `punched`, and every 5 s a punch.  Run n is the benchmark's own run n.  Finished
@@ -47,7 +47,9 @@ def main(argv: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _tour_flags(parser)
-    envelope.running_flags(parser.add_argument_group("running"), OUT)
+    envelope.running_flags(
+        parser.add_argument_group("running"), OUT, rows=TOURS
+    )
     parser.set_defaults(out=Path(OUT))
     args = parser.parse_args(argv)
     with parser.refusing():

@@ -59,12 +59,13 @@ file](policy.md), or ours with a [block of yours](own_blocks.md):
 
 ```console
 $ python scripts/envelope.py --protocol push-v1 --quick --robot g1 \\
-    --controller examples.null_controller:Springs --who "your name" --out row
+    --controller examples.null_controller:Springs --who "your name" --out quick
 $ python scripts/envelope.py --protocol push-v1 --robot g1 \\
     --block step_adjuster=mine:ErrorStepAdjuster --out row
 ```
 
-After an installation the program is `nadia-envelope`. In `row` are `row.json`
+The quick one takes some minutes, the other one hours. After an installation the
+program is `nadia-envelope`. In `row` are `row.json`
 ([schema](row.schema.json)) and `trials.csv`, and a folder for each sweep with
 its picture. The same command goes on after Ctrl-C. How to send it:
 [CONTRIBUTING](../CONTRIBUTING.md#a-row-of-the-league).

@@ -1,4 +1,4 @@
-"""Runs of the G1 league's tour, in parallel; a row of tours.csv for each."""
+"""Runs of the benchmark's tour, in parallel; a row of tours.csv for each."""
 
 from collections.abc import Callable
 from concurrent import futures
