@@ -39,8 +39,8 @@ from nadia_balance.systems.ports import (
 STOOD = 2.0  # a transfer of as many times its last duration is standing [-]
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
 BOUNCE = 0.06  # shortest swing that is measured [s]
-# "Ticks left" of a push that has not begun: before its phase, and within it.
 _LIVE = Push(at="0 s", delta_v=0.0)  # a push like the live one
+# "Ticks left" of a push that has not begun: before its phase, and within it.
 _PENDING = -1.0
 _EXPECTED = -2.0
 

@@ -12,6 +12,7 @@ from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.mechanisms import USUAL
 from nadia_balance.core.whole_body.command import (
     SOLES,
+    WholeBodyCommand,
     WholeBodyTerms,
     whole_body_command,
 )
@@ -125,7 +126,51 @@ class WholeBodyInverseDynamics(Block):
     def _calc_outcome(
         self, context: Context, last: dict[str, Any]
     ) -> tuple[Any, ...]:
-        terms = self._terms(context)
+        terms, command = self._terms(context), self._command(context)
+        unsolved = last["unsolved"][0]
+        last_status = QpStatus(last["whole_body_qp_status"])
+        has_torques = last_status.solved or unsolved  # not in the first tick
+        torques = last["torques"] if has_torques else None
+        if unsolved > self._max_unsolved:  # it is given up
+            given_up = 0.0, 0.0, 0.0, np.nan, last_status.failures + 1
+            return self._damped(terms, given_up, unsolved, torques)
+        solution = self._qp.solve(terms, command, torques)
+        status = last_status.after(solution.qp)
+        if not solution.qp.solved:
+            return self._damped(terms, status, unsolved, torques)
+        torques = solution.torques[self._joint_of_actuator]
+        return (
+            torques,
+            self._joint_command(terms, solution.vdot, torques),
+            solution.wrenches,
+            status,
+            solution.vdot,
+            solution.torques,
+            [0],
+        )
+
+    def _damped(
+        self,
+        terms: WholeBodyTerms,
+        status: tuple[float, ...],
+        unsolved: float,
+        last_torques: Array | None,
+    ) -> tuple[Any, ...]:
+        """The outcome of a tick without a solution, after `unsolved` others."""
+        torques = self._qp.damping_torques(terms, last_torques)
+        damping = torques[self._joint_of_actuator]
+        return (
+            damping,
+            self._damping_command(terms, damping),
+            np.zeros(12),
+            status,
+            np.zeros(terms.v.size),
+            torques,
+            [unsolved + 1],
+        )
+
+    def _command(self, context: Context) -> WholeBodyCommand:
+        """What the QP shall do; its last fields are for tasks of the user's."""
         command = whole_body_command(
             self._walking(context),
             momentum_rate=self._momentum_rate(context),
@@ -139,42 +184,7 @@ class WholeBodyInverseDynamics(Block):
                 mechanisms=self._mechanisms(context),
                 icp_error=self._icp_error(context),
             )
-        unsolved = last["unsolved"][0]
-        last_status = QpStatus(last["whole_body_qp_status"])
-        has_torques = last_status.solved or unsolved  # not in the first tick
-        torques = last["torques"] if has_torques else None
-        status: tuple[float, ...] = (
-            0.0,
-            0.0,
-            0.0,
-            np.nan,
-            last_status.failures + 1,
-        )
-        if unsolved <= self._max_unsolved:
-            solution = self._qp.solve(terms, command, torques)
-            status = last_status.after(solution.qp)
-            if solution.qp.solved:
-                torques = solution.torques[self._joint_of_actuator]
-                return (
-                    torques,
-                    self._joint_command(terms, solution.vdot, torques),
-                    solution.wrenches,
-                    status,
-                    solution.vdot,
-                    solution.torques,
-                    [0],
-                )
-        torques = self._qp.damping_torques(terms, torques)
-        damping = torques[self._joint_of_actuator]
-        return (
-            damping,
-            self._damping_command(terms, damping),
-            np.zeros(12),
-            status,
-            np.zeros(terms.v.size),
-            torques,
-            [unsolved + 1],
-        )
+        return command
 
     def _joint_command(
         self, terms: WholeBodyTerms, vdot: Array, torques: Array
