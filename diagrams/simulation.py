@@ -325,6 +325,8 @@ Handler = Callable[[int, FrameType | None], Any] | int | None
 def at_ctrl_c(handler: Handler, usual: Handler = None) -> Iterator[None]:
     """Calls a handler at Ctrl-C or SIGTERM, in a block of the main thread.
 
+    So it does when a terminal is hung up (SIGHUP), unless nohup ignores that.
+
     Args:
         handler: as of signal.signal.
         usual: only signals that have this handler are handled; None: all.
@@ -333,8 +335,11 @@ def at_ctrl_c(handler: Handler, usual: Handler = None) -> Iterator[None]:
         Nothing.
     """
     is_main = threading.current_thread() is threading.main_thread()
+    numbers = [signal.SIGINT, signal.SIGTERM] if is_main else []
+    if is_main and signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
+        numbers.append(signal.SIGHUP)
     with contextlib.ExitStack() as restored:
-        for number in (signal.SIGINT, signal.SIGTERM) if is_main else ():
+        for number in numbers:
             if usual in (None, signal.getsignal(number)):
                 restored.callback(
                     signal.signal, number, signal.signal(number, handler)

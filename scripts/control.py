@@ -2,6 +2,7 @@
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
+import contextlib
 import sys
 from collections.abc import Callable
 
@@ -41,7 +42,11 @@ def main(argv: list[str] | None = None) -> int:
         wire = controller_wire(args.wire, robot, args.interface, args.domain)
         loop.refuse_rivals(wire)
     process.start()
-    with keyboard.pressed_keys() as keys, until_ctrl_c() as interrupted:
+    with (
+        contextlib.closing(wire),
+        keyboard.pressed_keys() as keys,
+        until_ctrl_c() as interrupted,
+    ):
         command_line.say(f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end")
         delays = loop.run(
             wire,
@@ -49,7 +54,6 @@ def main(argv: list[str] | None = None) -> int:
             each=_until(process, args, keys, interrupted),
             slower=args.lockstep,
         )
-        wire.close()
         command_line.say(*_report(process))
         if args.lockstep == 1.0:
             command_line.say(
@@ -122,7 +126,8 @@ def wire_flags(parser: command_line.CommandLine) -> None:
     parser.add_argument(
         "--duration",
         type=command_line.finite,
-        help="by the robot's clock [s] (until Ctrl-C)",
+        help="from its first sample on, by the robot's clock [s] (until "
+        "Ctrl-C)",
     )
 
 
@@ -147,6 +152,7 @@ def _until(
     interrupted: Callable[[], bool],
 ) -> Callable[[], bool]:
     """What the loop asks after each sample: whether it goes on."""
+    began: list[float] = []  # the robot's time of the first sample [s]
 
     def each() -> bool:
         pressed = keys().lower()
@@ -164,7 +170,13 @@ def _until(
             process.velocity = keyboard.commanded(
                 process.velocity, pressed, process.velocity_limits
             )
-        is_over = args.duration is not None and process.time >= args.duration
+        if process.counts.samples and not began:
+            began.append(process.time)
+        is_over = (
+            bool(began)
+            and args.duration is not None
+            and process.time - began[0] >= args.duration
+        )
         return not (interrupted() or is_over)
 
     return each

@@ -19,6 +19,7 @@ _PROGRAMS = (
     "robot",
     "simulate",
     "single_pushes",
+    "tour",
     "_m",  # python -m
 )
 if (

@@ -194,6 +194,8 @@ def _walk(robot: str, fidelity: str) -> int:
         command_line.say(f"DID NOT WALK: {error}")
         return command_line.FAILED
     run = simulate(diagram, scenario.duration)
+    if run.interrupted:
+        raise KeyboardInterrupt
     summary = run.summary
     failed = "" if summary["recovered"] else f": {summary['reason']}"
     command_line.say(
@@ -237,10 +239,12 @@ def _standing_push(model: RobotModel, robot: str, fidelity: str) -> str:
         (row["reason"] for row in rows if row["delta_v"] == largest.failed), ""
     )
     delta_v = largest.recovered or 0.0
-    failed = largest.failed or sweep.search.largest
+    above = "and nothing larger was tried"
+    if largest.failed is not None:
+        above = f"not from {largest.failed:.2f}: {reason}"
     return (
         f"standing, pushed forward for 0.1 s: recovers from {delta_v:.2f} m/s "
-        f"({delta_v * mass.mass:.0f} N s), not from {failed:.2f}: {reason}"
+        f"({delta_v * mass.mass:.0f} N s), {above}"
     )
 
 

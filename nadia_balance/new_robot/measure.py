@@ -161,7 +161,7 @@ def _reach(
     nadias = scaled(ReachabilityParams(), size_of(fields))
     return widths(nadias) | {
         "length_forward": min(nadias.length_forward, length),
-        "length_backward": min(nadias.length_forward, length),
+        "length_backward": min(nadias.length_backward, length),
         "width_nominal": fields["step_width"],
         "width_max": min(nadias.width_max, width),
     }

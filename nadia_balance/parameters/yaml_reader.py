@@ -170,6 +170,7 @@ def _check_nodes(text: str) -> None:
     def size(node: yaml.Node | None) -> int:
         if id(node) in sizes:
             return sizes[id(node)]
+        sizes[id(node)] = MOST_NODES  # of an alias within itself
         children: list[yaml.Node] = []
         if isinstance(node, yaml.MappingNode):
             _check_keys(node)
@@ -326,7 +327,7 @@ def _is_scalar(schema: type, value: object) -> bool:
         return type(value) is schema
     try:
         number = float(value)  # type: ignore[arg-type]  # 1e3 is text in YAML
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return False
     return schema is float or number.is_integer()
 

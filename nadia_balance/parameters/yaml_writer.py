@@ -12,6 +12,18 @@ from nadia_balance.parameters.yaml_reader import field_types
 _LINE = re.compile(r"( *)([\w.+-]+):(?: |$)")
 
 
+class _Dumper(yaml.CSafeDumper):
+    """Writes each text in one line, so that a comment may follow it."""
+
+
+def _one_line(dumper: _Dumper, text: str) -> yaml.ScalarNode:
+    style = '"' if "\n" in text else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style)
+
+
+_Dumper.add_representer(str, _one_line)
+
+
 def dump(
     parameters: object,
     child_name: str = "",
@@ -31,7 +43,7 @@ def dump(
     tree = as_tree(parameters)
     text: str = yaml.dump(
         {child_name: tree} if child_name else tree,
-        Dumper=yaml.CSafeDumper,
+        Dumper=_Dumper,
         sort_keys=False,
         allow_unicode=True,
         width=4096,

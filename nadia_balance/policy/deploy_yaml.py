@@ -9,7 +9,7 @@ Source: unitree_rl_lab, deploy/include/isaaclab.
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import check_types, load_tree
@@ -168,8 +168,20 @@ def _observation(deploy: Mapping[str, Any]) -> dict[str, Any]:
         f"{', '.join(clipped)} has",
     )
     if "gait_phase" in terms:
-        tree["stride"] = terms["gait_phase"].get("params", {}).get("period")
+        tree["stride"] = _params("gait_phase", terms["gait_phase"]).get(
+            "period"
+        )
     return tree
+
+
+def _params(name: str, term: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The params of a term, none if they are null."""
+    params = term.get("params") or {}
+    require(
+        isinstance(params, Mapping),
+        f"observations.{name}.params = {params!r}: must be a mapping",
+    )
+    return cast(Mapping[str, Any], params)
 
 
 def _term(name: str, term: Mapping[str, Any]) -> dict[str, Any]:
@@ -177,7 +189,7 @@ def _term(name: str, term: Mapping[str, Any]) -> dict[str, Any]:
     path = f"observations.{name}"
     for key in term:
         _require_one_of(f"{path}.{key}", key, _TERM_FIELDS)
-    for key in term.get("params") or {}:
+    for key in _params(name, term):
         _require_one_of(f"{path}.params.{key}", key, _TERM_PARAMS)
     history = term.get("history_length", 1)
     check_types(int, history, f"{path}.history_length")

@@ -188,7 +188,8 @@ def _strip(
 
 
 def _peaks(values: Array) -> list[float]:
-    """At most _POINTS points (n,): each is the largest of its share."""
+    """At most _POINTS points (n,): each is the largest of its share, or 0."""
+    values = np.nan_to_num(values)  # JSON has no NaN
     edges = np.linspace(0, len(values) - 1, _POINTS).astype(int)
     peaks = np.maximum.reduceat(values, np.unique(edges))
     return [float(f"{peak:.{_DIGITS}g}") for peak in peaks]

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -112,13 +112,17 @@ class Run:
             "real_time_factor": duration / max(self.cpu_time, 1e-9),
             "versions": versions(self.info.engine),
         }
-        # JSON has neither NaN nor infinity.
-        return {
-            name: value
-            if not isinstance(value, float) or math.isfinite(value)
-            else None
-            for name, value in summary.items()
-        }
+        return cast(dict[str, Any], _finite(summary))
+
+
+def _finite(value: Any) -> Any:
+    """A tree with None for NaN and infinity, which JSON does not have."""
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    is_none = isinstance(value, float) and not math.isfinite(value)
+    return None if is_none else value
 
 
 def _judge(run: Run) -> tuple[str, str]:

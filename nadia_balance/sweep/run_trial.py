@@ -166,11 +166,16 @@ def collect(
             ended, running = futures.wait(
                 running, timeout=LOOK, return_when=futures.FIRST_COMPLETED
             )
-            for future in ended:
+            # What has been made is kept before a failure is told.
+            for future in sorted(ended, key=_has_failed):
                 for row in _rows_of(future):
                     rows.add(row)
                 bar.update()
     return not running
+
+
+def _has_failed(future: "futures.Future[list[Row]]") -> bool:
+    return future.exception() is not None
 
 
 def _rows_of(future: "futures.Future[list[Row]]") -> list[Row]:

@@ -123,6 +123,11 @@ class Sweep:
         """
         check_types(SearchParams, asdict(self.search))
         check(self.search)
+        least, largest = self.search.resolution, self.search.largest
+        require(
+            largest >= least,
+            f"largest = {largest}: must be >= resolution = {least} m/s",
+        )
         for name in ("directions", "at", "mechanisms"):
             values = getattr(self, name)
             require(

@@ -56,6 +56,7 @@ class LeRobotController:
     def reset(self) -> None:
         """Begins anew: its next steps take the posture."""
         self._steps = 0
+        self._last: Array | None = None  # targets [rad]
         self._process.stop("reset")
         self._process.forget()
         self._process.start()
@@ -91,6 +92,9 @@ class LeRobotController:
         )
         command = self._process.hear(state) or self._damping
         targets = self._targets(state, command)
+        if not np.isfinite(targets).all():  # nor is what the joints tell
+            targets = np.nan_to_num(q) if self._last is None else self._last
+        self._last = targets
         return dict(zip(self._keys, targets.tolist(), strict=True))
 
     def _targets(self, state: RobotState, command: JointCommand) -> Array:

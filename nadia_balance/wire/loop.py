@@ -8,6 +8,7 @@ from nadia_balance.wire.messages import JointCommand, RefusedError, Wire
 from nadia_balance.wire.process import SILENCE, Phase, RobotProcess
 
 LISTEN = 0.3  # for rivals, before the first command [s]
+DRIFT = 5e-4  # by which the clocks of robot and controller may differ [-]
 
 
 @dataclass
@@ -15,7 +16,8 @@ class Delays:
     """How late the answers were, by the fastest one.
 
     An answer is late if it leaves more than a control period after the fastest
-    answer would have: what waited in a queue counts.
+    answer would have: what waited in a queue counts.  The fastest one is
+    forgotten as fast as the clocks may drift apart.
 
     Args:
         period: of the control [s].
@@ -26,6 +28,7 @@ class Delays:
     late: int = 0
     longest: float = 0.0  # [s]
     _least: float = float("inf")
+    _last: float = 0.0  # wall time of the last answer [s]
 
     def restart(self) -> None:
         """Forgets the fastest answer: the robot's clock may have changed."""
@@ -41,7 +44,8 @@ class Delays:
         Returns:
             The delay [s].
         """
-        self._least = min(self._least, wall - sample)
+        drifted = self._least + DRIFT * (wall - self._last)
+        self._least, self._last = min(drifted, wall - sample), wall
         delay = wall - sample - self._least
         self.answers += 1
         self.late += delay > self.period
@@ -75,6 +79,8 @@ def run(
 ) -> Delays:
     """Reads, answers and writes until `each` says that it ends, then damps.
 
+    An error, or a second Ctrl-C, also leaves the robot damped.
+
     Args:
         wire: the controller's end.
         process: what answers.
@@ -87,30 +93,32 @@ def run(
     """
     delays, heard = Delays(process.period), time.monotonic()
     silence = slower * SILENCE
-    while each():
-        state = command = None
-        try:
-            state = wire.read(max(heard + silence - time.monotonic(), 0.0))
-        except RefusedError as error:
-            process.refuse(str(error))
-        now = time.monotonic()
-        if state is not None:
-            heard, command = now, process.hear(state)
-        elif now >= heard + silence:
-            heard, command = now, process.silent()
-        _write(wire, command)
-        if state is not None and process.phase is Phase.BALANCE:
-            behind = delays.add(time.monotonic(), state.time)
-            _write(wire, process.finish())
-            if behind > SILENCE and slower == 1.0:
-                late = f"{1e3 * behind:.0f} ms behind the robot"
-                _write(wire, process.stop(late))
-            if wire.rivals():
+    try:
+        while each():
+            state = command = None
+            try:
+                state = wire.read(max(heard + silence - time.monotonic(), 0.0))
+            except RefusedError as error:
+                process.refuse(str(error))
+            now = time.monotonic()
+            if state is not None:
+                heard, command = now, process.hear(state)
+            elif now >= heard + silence:
+                heard, command = now, process.silent()
+            _write(wire, command)
+            if state is not None and process.phase is Phase.BALANCE:
+                behind = delays.add(time.monotonic(), state.time)
+                _write(wire, process.finish())
+                if behind > SILENCE and slower == 1.0:
+                    late = f"{1e3 * behind:.0f} ms behind the robot"
+                    _write(wire, process.stop(late))
+            else:
+                delays.restart()
+            if wire.rivals() and process.phase is not Phase.DAMPING:
                 _write(wire, process.stop("another controller commands it"))
-        else:
-            delays.restart()
-    if process.counts.samples:
-        wire.write(process.stop("stopped"))
+    finally:
+        if process.counts.samples:
+            wire.write(process.stop("stopped"))
     return delays
 
 

@@ -165,6 +165,8 @@ ACTION = "actions.JointPositionAction"
         (f"{TERM}.history_length", 5000, "observation[3].history = 5000: must"),
         (f"{TERM}.scale", [1.0] * 28, "observation[3].scale = 28 values: must"),
         (f"{TERM}.noise", 0.1, f"{TERM}.noise: unknown field, must be one of"),
+        (f"{TERM}.params", 5, f"{TERM}.params = 5: must be a mapping"),
+        ("observations.gait_phase", {"params": None}, "stride = None: must"),
         (f"{TERM}.params", {"ids": 1}, f"{TERM}.params.ids: unknown field"),
         (
             "observations.height_scan",

@@ -8,6 +8,7 @@ import pytest
 from shapely import Polygon
 from shapely.affinity import rotate, translate
 
+from nadia_balance.results.film import film
 from nadia_balance.results.log import signal_view
 from nadia_balance.results.measurements import StandsWatch
 from tests.results.made_up_run import MASS, Recipe, T, cut, make_log, summary_of
@@ -40,6 +41,17 @@ def test_is_strict_json_and_repeats_what_it_was_told(log):
     swings = [0.7, 0.43, 0.5, 0.7, 0.7, 0.7]
     assert summary["swing_durations_s"] == pytest.approx(swings)
     assert summary["real_time_factor"] == pytest.approx(2.5)
+
+
+def test_a_number_that_is_none_loses_no_file(log):
+    """Oracle: JSON; the other numbers of the push, and of the strips."""
+    log["actuation"][-1, 0] = log["torques"][-1, 0] = np.nan
+    log["push_signal"][:, 2] = np.nan  # its force
+    summary = summary_of(log)
+    told = json.loads(
+        json.dumps([summary, film(log, summary)], allow_nan=False)
+    )
+    assert told[0] == summary
 
 
 def test_effort_is_relative_to_the_limits(log):

@@ -220,6 +220,7 @@ def test_what_is_not_there_is_refused_before(here, capsys, flags, message):
         ({"mechanisms": ["no"]}, "mechanisms = 'no': must be one of icp_only"),
         ({"at": None}, "at = None: must be a str"),
         ({"search": SearchParams(largest=500.0)}, "largest = 500.0: must be"),
+        ({"search": SearchParams(largest=0.01)}, "largest = 0.01: must be >="),
         ({"search": SearchParams(replicas=2.5)}, "replicas = 2.5: must be an"),
         ({"blocks": {"icp_planner": 5}}, "5: must be a class, or its name"),
         ({"plant": "x"}, "plant = 'x': must be one of humanoid, lipm"),

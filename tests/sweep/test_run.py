@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from concurrent.futures import Future
 
 import pytest
 
@@ -63,6 +64,21 @@ def test_goes_on_where_it_was_stopped(run):
     whole, done = run(again)
     assert done and len(whole) == len(rows) + len(again.tried)
     assert [row for row in whole if row in rows] == rows
+
+
+def test_what_has_been_made_is_kept_when_a_worker_fails():
+    """Oracle: the rows of twenty tasks that ended with one that failed."""
+
+    class Kept(list):
+        add = list.append
+
+    tasks, rows = [Future() for _ in range(21)], Kept()
+    for i, task in enumerate(tasks[1:]):
+        task.set_result([{"number": i}])
+    tasks[0].set_exception(OSError("full"))
+    with pytest.raises(RuntimeError, match="a worker failed: OSError: full"):
+        run_trial.collect(set(tasks), rows, lambda: False, unit="limit")
+    assert sorted(row["number"] for row in rows) == [*range(20)]
 
 
 def test_ends_when_the_workers_fail(run):

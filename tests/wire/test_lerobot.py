@@ -105,6 +105,20 @@ def test_a_state_that_is_not_finite_damps(controller):
     assert np.abs(np.delete(torques, 3)).max() < 1e-12
 
 
+def test_joints_that_are_not_finite_keep_the_last_targets(controller):
+    """Oracle: those of the step before; without one, where the joints are."""
+    for has_begun in False, True:
+        caller = FakeCaller(controller)
+        controller.reset()
+        targets = caller.step()[1] if has_begun else None
+        caller.motors[5].q = np.nan
+        _, found = caller.step()
+        if targets is None:
+            assert np.isfinite([*found.values()]).all()
+        else:
+            assert found == targets
+
+
 def test_walks_by_its_remote_control(controller, monkeypatch):
     """Oracle: LeRobot's axes: ly forward, lx to the right, rx clockwise."""
     heard = []
