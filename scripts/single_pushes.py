@@ -41,6 +41,7 @@ from nadia_balance.sweep.trials import (
     Results,
     Rows,
     Trial,
+    digest,
 )
 
 LENGTHS = 0.05, 0.4  # of a push at random [s]
@@ -157,7 +158,11 @@ class SinglePushes(Sweep):
         Returns:
             JSON, without the cells.
         """
-        return super().identity() | {"share": self.share}
+        limits = repr(sorted(self.known_limits.items()))
+        return super().identity() | {
+            "share": self.share,
+            "limits": digest([limits.encode()]),
+        }
 
 
 def drawn(
@@ -214,9 +219,10 @@ def failures_text(sweep: SinglePushes, rows: Rows) -> str:
     Returns:
         The text of the page.
     """
-    failed = []
+    failed, cells = [], set(sweep.cells())
     for row in sorted(rows.all, key=Cell.of):
-        if row["outcome"] != "recovered":
+        # A folder may have more: of a call for more pushes.
+        if row["outcome"] != "recovered" and Cell.of(row) in cells:
             (push,) = sweep.walk(Cell.of(row), replica=0).pushes
             failed.append(
                 [
