@@ -414,11 +414,20 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
         key = tuple(trial[name] for name in _KEY)
         groups.setdefault(key, []).append(trial)
     for one in row.limits:
-        results = results_of(groups.get(one.key, []))
-        expected = limit(results, variant.search).recovered
+        group, name = groups.get(one.key, []), ", ".join(map(str, one.key))
+        results = results_of(group)
         require(
-            one.recovered == expected,
-            f"limit of {', '.join(map(str, one.key))} = {one.recovered}: must "
-            f"be {expected}, as the trials say",
+            len(results) == len(group), f"trials of {name}: must be there once"
+        )
+        found = limit(results, variant.search)
+        require(
+            one.recovered == found.recovered,
+            f"limit of {name} = {one.recovered}: must be {found.recovered}, as "
+            "the trials say",
+        )
+        require(
+            one.complete == found.complete,
+            f"complete of {name} = {one.complete}: must be {found.complete}, "
+            "as the trials say",
         )
     require(row.worst == worst_of(row.limits), "worst: must be of the limits")

@@ -111,6 +111,7 @@ REFUSED = [
     (["robot", "name"], "t1", "robot.name = 't1': must be one of nadia, g1"),
     (["weather"], "fair", "weather: unknown field"),
     (["limits", 0, "recovered"], 1.3, "limit of push, realistic, drake, righ"),
+    (["limits", 0, "complete"], False, "complete of push, realistic, drake, r"),
     (["limits", 0, "share"], "all", "limits[0].share = 'all': must be a num"),
     (["worst", "0"], 2.0, "worst: must be of the limits"),
     (["trials"], "", "trials = '': must be the sha256 of trials.csv"),
@@ -136,6 +137,28 @@ def test_another_row_is_refused(folder, tmp_path, path, value, message):
         read_row(tmp_path)
     (line,) = str(refused.value).splitlines()
     assert line.startswith(f"row = {tmp_path / 'row.json'}: {message}")
+
+
+@pytest.mark.parametrize(
+    ("keep", "message"),
+    [
+        (lambda lines: [*lines, lines[-1]], "trials of "),  # one of them twice
+        (
+            lambda lines: [line for line in lines if ",fell," not in line],
+            "complete of ",
+        ),
+    ],
+)
+def test_a_row_has_all_of_its_trials_once(folder, tmp_path, keep, message):
+    """Oracle: the rule; the file's sum is of the changed file."""
+    lines = (folder / "trials.csv").read_text("utf-8").splitlines(keepends=True)
+    text = "".join(keep(lines))
+    (tmp_path / "trials.csv").write_text(text, encoding="utf-8")
+    tree = json.loads((folder / "row.json").read_text("utf-8"))
+    tree["trials"] = hashlib.sha256(text.encode()).hexdigest()
+    (tmp_path / "row.json").write_text(json.dumps(tree))
+    with pytest.raises(ValueError, match=f": {message}"):
+        read_row(tmp_path)
 
 
 FLAGS = ["--protocol", "push-v1", "--quick", "--who", "somebody"]
