@@ -419,15 +419,15 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
         require(
             len(results) == len(group), f"trials of {name}: must be there once"
         )
-        found = limit(results, variant.search)
+        reached = limit(results, variant.search)
         require(
-            one.recovered == found.recovered,
-            f"limit of {name} = {one.recovered}: must be {found.recovered}, as "
-            "the trials say",
+            one.recovered == reached.recovered,
+            f"limit of {name} = {one.recovered}: must be {reached.recovered}, "
+            "as the trials say",
         )
         require(
-            one.complete == found.complete,
-            f"complete of {name} = {one.complete}: must be {found.complete}, "
+            one.complete == reached.complete,
+            f"complete of {name} = {one.complete}: must be {reached.complete}, "
             "as the trials say",
         )
     require(row.worst == worst_of(row.limits), "worst: must be of the limits")

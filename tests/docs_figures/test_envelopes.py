@@ -55,7 +55,7 @@ def test_says_what_is_wrong_on_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for argv, message in (
         (["--out", "a.gif"], "out = 'a.gif': must end in .png"),
-        (["--results", "b"], "[Errno 2] No such file or directory: 'b/fig10/l"),
+        (["--results", "b"], "limits = 'b/fig10': must have a limits.csv"),
     ):
         assert_refused(run_script(envelopes, argv, capsys), message)
     assert not list(tmp_path.iterdir())

@@ -1,6 +1,7 @@
 """Oracles: shapely, by hand, and the same loops in Python."""
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -251,6 +252,13 @@ def test_normals_and_offsets_are_as_many():
         polygon.clip_all(rectangle(1.0, 1.0), np.ones((4, 2)), np.ones(3))
 
 
+def test_a_gap_is_that_of_polygons_with_edges():
+    """Oracle: the message: a point is no polygon; see `project`."""
+    for pair in permutations([rectangle(1.0, 1.0), np.array([[3.0, 0.5]])]):
+        with pytest.raises(ValueError, match="1 vertices: must be 2 or more"):
+            polygon.closest_point(*pair)
+
+
 @pytest.mark.parametrize(
     "of_nothing",
     [
@@ -264,7 +272,7 @@ def test_normals_and_offsets_are_as_many():
 def test_nothing_is_asked_of_no_vertices(of_nothing):
     """Oracle: the message; and of no points, the hull has none."""
     none = np.empty((0, 2))
-    with pytest.raises(ValueError, match="0 vertices: must be 1 or more"):
+    with pytest.raises(ValueError, match=r"0 vertices: must be [12] or more"):
         of_nothing(none)
     assert polygon.convex_hull(none).shape == (0, 2)
     assert polygon.clip_all(none, np.eye(2), np.ones(2)).shape == (0, 2)
