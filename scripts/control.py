@@ -10,7 +10,7 @@ import numpy as np
 
 from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.diagrams.scenario import SENSORS
-from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.diagrams.simulation import LONGEST, until_ctrl_c
 from nadia_balance.parameters.bounds import check_number
 from nadia_balance.results.live_watches import clipped_words
 from nadia_balance.scripts import command_line
@@ -142,7 +142,9 @@ def check_wire_flags(args: argparse.Namespace) -> None:
     """
     check_number("lockstep", args.lockstep, least=1.0, most=SLOWEST)
     if args.duration is not None:
-        check_number("duration", args.duration, above=0.0, unit="s")
+        check_number(
+            "duration", args.duration, above=0.0, most=LONGEST, unit="s"
+        )
 
 
 def _until(

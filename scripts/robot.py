@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from nadia_balance.diagrams.scenario import SENSORS
-from nadia_balance.diagrams.simulation import until_ctrl_c
+from nadia_balance.diagrams.simulation import LONGEST, until_ctrl_c
 from nadia_balance.parameters.bounds import check, check_number
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
@@ -122,7 +122,7 @@ def _serving(args: argparse.Namespace) -> Serving:
     for name, number in zip(STICKS, args.sticks, strict=True):
         check_number(f"sticks, {name}", number, least=-1.0, most=1.0)
     for time, delta_v, _ in args.push or []:
-        check_number("push, when", time, above=0.0, unit="s")
+        check_number("push, when", time, above=0.0, most=LONGEST, unit="s")
         check_number(
             "push, how strong", delta_v, least=0.0, most=10.0, unit="m/s"
         )
