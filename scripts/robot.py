@@ -118,7 +118,7 @@ def _bus_flags(parser: command_line.CommandLine) -> None:
 
 def _serving(args: argparse.Namespace) -> Serving:
     check_wire_flags(args)
-    check_number("seed", args.seed, least=0)
+    check_number("seed", args.seed, least=0, most=2**63)
     for name, number in zip(STICKS, args.sticks, strict=True):
         check_number(f"sticks, {name}", number, least=-1.0, most=1.0)
     for time, delta_v, _ in args.push or []:

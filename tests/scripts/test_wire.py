@@ -69,7 +69,7 @@ def test_a_robot_is_set_down_stands_and_is_pushed(wire):
         (control, ["--duration", "0"], "duration = 0.0: must be in (0, 86400"),
         (robot, ["--interface", "nope0"], "interface = 'nope0': must be one"),
         (robot, ["--sticks", "0 5 0"], "sticks, left = 5.0: must be in [-1, 1"),
-        (robot, ["--seed", "-1"], "seed = -1: must be >= 0"),
+        (robot, ["--seed", "-1"], "seed = -1: must be in [0, "),
         (robot, ["--push", "1 1e9 0"], "push, how strong = 1000000000.0: must"),
         (robot, ["--push", "0 0.5 0"], "push, when = 0.0: must be in (0, 8640"),
         (control, ["--robot", "no"], "robot = 'no': must be one of"),
