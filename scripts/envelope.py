@@ -37,7 +37,11 @@ from nadia_balance.results.folder import prepare_folder
 from nadia_balance.robot.model import load_robot
 from nadia_balance.scripts import command_line
 from nadia_balance.sweep import limits, push_v1, report, run_trial
-from nadia_balance.sweep.envelope import MOST_DIRECTIONS, keep_contract
+from nadia_balance.sweep.envelope import (
+    MOST_DIRECTIONS,
+    all_around,
+    keep_contract,
+)
 from nadia_balance.sweep.row import ROW, lines_of, write_row
 from nadia_balance.sweep.search import SearchParams, Sweep
 from nadia_balance.sweep.tour import Tour
@@ -447,7 +451,7 @@ def directions(asked: Mapping[str, Any]) -> tuple[float, ...]:
         if text.isdecimal() and text.isascii():
             count = int(text)
             if 1 <= count <= MOST_DIRECTIONS:
-                return tuple(round(i * 360.0 / count, 6) for i in range(count))
+                return all_around(count)
         else:
             angles = [float(word) for word in words("directions", asked)]
             if all(abs(angle) <= 3600.0 for angle in angles):

@@ -104,7 +104,7 @@ class RobotModel:
             self.control_diagram()[1], set(self.foot_bodies.values())
         )
         with naming(f"urdf = {urdf}"):
-            StandingLegs(self, self.standing_positions()).check_standing()
+            self._legs.check_standing()
 
     @cached_property
     def mass(self) -> float:
@@ -142,13 +142,16 @@ class RobotModel:
     @cached_property
     def foot_limits(self) -> FootLimits:
         """What the joints of the standing robot's legs leave to a foot."""
-        legs = StandingLegs(self, self.standing_positions())
-        return legs.foot_limits(self.max_joint_speeds)
+        return self._legs.foot_limits(self.max_joint_speeds)
+
+    @cached_property
+    def _legs(self) -> StandingLegs:
+        """The legs as they stand."""
+        return StandingLegs(self, self.standing_positions())
 
     @cached_property
     def point_mass(self) -> PointMassModel:
         """The robot's model for capture-point control."""
-        legs = StandingLegs(self, self.standing_positions())
         detour = self.params.swing_detour
         detour = replace(
             detour,
@@ -177,7 +180,7 @@ class RobotModel:
             com_height=self.com_height,
             step_width=self.params.step_width,
             sole=self.sole,
-            held=legs.cop_area(self.sole),
+            held=self._legs.cop_area(self.sole),
             legs=self.params.legs,
             reach=reach,
             sole_clearance=sole_clearance,

@@ -112,12 +112,24 @@ def envelope(
     return table
 
 
+def all_around(count: int) -> tuple[float, ...]:
+    """Directions at equal distances.
+
+    Args:
+        count: how many.
+
+    Returns:
+        Angles in [0, 360) [deg], from 0 on.
+    """
+    return tuple(round(i * 360.0 / count, 6) for i in range(count))
+
+
 def _angles(directions: int | Sequence[float]) -> tuple[float, ...]:
     """The angles [deg] that are listed, or as many as are counted."""
     if isinstance(directions, Integral) and not isinstance(directions, bool):
         count = int(directions)
         check_number("directions", count, least=1, most=MOST_DIRECTIONS)
-        return tuple(round(i * 360.0 / count, 6) for i in range(count))
+        return all_around(count)
     check_types(list[float], directions, "directions")
     angles = cast(Sequence[float], directions)
     return tuple(round(float(angle), 6) for angle in angles)
