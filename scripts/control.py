@@ -21,7 +21,8 @@ from nadia_balance.wire.messages import LOOPBACK
 from nadia_balance.wire.process import Phase, RobotProcess
 
 STAND, LET_GO = "r", "b"  # keys
-SLOWEST = 1000.0  # largest factor of a lock step
+# Factors of a lock step: that of two processes on one machine, the largest.
+LOCKSTEP, SLOWEST = 50.0, 1000.0
 
 
 @command_line.program
@@ -118,10 +119,10 @@ def wire_flags(parser: command_line.CommandLine) -> None:
     parser.add_argument(
         "--lockstep",
         type=command_line.finite,
-        default=1.0,
         metavar="FACTOR",
         help="let the robot wait for commands: up to so much slower than real "
-        "time, the same at both ends (1: never)",
+        f"time, the same at both ends ({LOCKSTEP:g}; with --interface 1: "
+        "never)",
     )
     parser.add_argument(
         "--duration",
@@ -132,7 +133,7 @@ def wire_flags(parser: command_line.CommandLine) -> None:
 
 
 def check_wire_flags(args: argparse.Namespace) -> None:
-    """Checks the flags of both ends of a wire.
+    """Checks the flags of both ends of a wire, and completes --lockstep.
 
     Args:
         args: those of `wire_flags`.
@@ -140,6 +141,8 @@ def check_wire_flags(args: argparse.Namespace) -> None:
     Raises:
         ValueError: one is out of range.
     """
+    if args.lockstep is None:  # a machine's clock waits for nobody
+        args.lockstep = LOCKSTEP if args.interface == LOOPBACK else 1.0
     check_number("lockstep", args.lockstep, least=1.0, most=SLOWEST)
     if args.duration is not None:
         check_number(

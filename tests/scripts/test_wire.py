@@ -1,5 +1,6 @@
 """Robot and controller, each a program of its own, on both wires."""
 
+import argparse
 import os
 import signal
 import subprocess
@@ -88,6 +89,26 @@ def test_a_robot_is_set_down_stands_and_is_pushed(wire):
 def test_refuses_bad_input_in_one_line(script, argv, message, capsys):
     """Oracle: the rules."""
     assert_refused(run_script(script, argv, capsys), message)
+
+
+@pytest.mark.parametrize(
+    ("argv", "factor"),
+    [
+        ([], 50.0),  # one machine: slow motion, no fall
+        (["--interface", "eth0"], 1.0),
+        (["--lockstep", "1"], 1.0),
+        (["--interface", "eth0", "--lockstep", "3"], 3.0),
+    ],
+)
+def test_the_robot_waits_by_default_where_nothing_leaves_the_machine(
+    argv, factor
+):
+    """Oracle: the rules of docs/wire.md."""
+    parser = argparse.ArgumentParser()
+    control.wire_flags(parser)
+    args = parser.parse_args(argv)
+    control.check_wire_flags(args)
+    assert args.lockstep == factor
 
 
 def test_waits_for_a_robot_until_ctrl_c():
