@@ -94,7 +94,7 @@ def test_refuses_bad_input_in_one_line(script, argv, message, capsys):
 @pytest.mark.parametrize(
     ("argv", "factor"),
     [
-        ([], 50.0),  # one machine: slow motion, no fall
+        ([], 50.0),  # one machine: slow motion
         (["--interface", "eth0"], 1.0),
         (["--lockstep", "1"], 1.0),
         (["--interface", "eth0", "--lockstep", "3"], 3.0),
