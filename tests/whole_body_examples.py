@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.math.qp import QpProblem
 from nadia_balance.core.whole_body import command as whole_body_command
 from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp, WholeBodySolution
 from nadia_balance.robot.kinematics import WholeBodyKinematics, whole_body_model
 from nadia_balance.robot.model import RobotModel, load_robot
+from tests.qp_examples import with_slack
 
 # The solver accepts 1e-8 of the largest acceleration, here times 91 kg.
 ROUNDING = 1e-5  # [N], [N m]
@@ -106,6 +108,14 @@ def solve(
     found = qp.solve(terms, command(terms, contacts, **kwargs))
     assert found.qp.solved
     return terms, found
+
+
+def yielding(problem: QpProblem) -> QpProblem:
+    """The program, on two soles, whose limits of joints and tilt yield."""
+    upper = problem.upper.copy()
+    upper[66:68] = np.inf  # of what is missing of torso and pelvis
+    joints = range(41, 64)
+    return with_slack(problem._replace(upper=upper), dict.fromkeys(joints, 1.0))
 
 
 def make_infeasible(monkeypatch):

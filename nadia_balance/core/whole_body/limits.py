@@ -58,9 +58,11 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
-# Costs of what limits yield if they must: accelerations of joints and trunk
+NUM_TILTS = 2  # of the trunk that are limited: torso and pelvis
+# Cost of a tilt in its margin, per acceleration towards upright that is missing
+# [s^4/rad^2]; costs of what limits yield if they must: accelerations of joints
 # [s^4/rad^2], of links [s^4/m^2], and the torque rate, per its limit [-].
-_JOINT_SLACK, _TILT_SLACK = 1.0, 100.0
+_TILT_SLACK, _JOINT_SLACK = 100.0, 1.0
 _DISTANCE_SLACK = 100.0
 _RATE_SLACK = 1e4
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
@@ -71,12 +73,14 @@ _ANY = np.inf * _SIGNS
 
 
 class WholeBodyLimits:
-    """Inequality rows lower <= C [vdot, wrenches] <= upper of the QP.
+    """Inequality rows lower <= C [vdot, wrenches, s] <= upper of the QP.
 
     Wrenches [tau, f] and torques are per unit of the robot's mass; only soles
-    in contact have wrenches.  Order of the rows: torques, joint accelerations,
-    tilt of torso and pelvis, the cone and the normal force of the left and of
-    the right sole, avoidance of self-collisions.
+    in contact have wrenches; s (2,) is by how much the accelerations of torso
+    and pelvis towards upright fall short where their tilt costs.  Order of the
+    rows: torques, joint accelerations, tilt of torso and pelvis, s, the cone
+    and the normal force of the left and of the right sole, avoidance of
+    self-collisions.
 
     Args:
         params: margins and horizons.
@@ -93,12 +97,14 @@ class WholeBodyLimits:
         n = model.num_joints
         self._params, self._model = params, model
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
-        self._trunk_rows = slice(2 * n, 2 * n + 2)
-        self.num_soft = n + 2
-        self._given = list(model.given)
-        self._slack_costs = np.array(
-            [_JOINT_SLACK] * n + [_TILT_SLACK] * 2 + [_RATE_SLACK]
+        self._trunk_rows = slice(2 * n, 2 * n + NUM_TILTS)
+        self._slack_rows = slice(
+            self._trunk_rows.stop, self._trunk_rows.stop + NUM_TILTS
         )
+        self._given = list(model.given)
+        self._slack_costs = np.array([_JOINT_SLACK] * n + [_RATE_SLACK])
+        # Of the angular acceleration per tilt, see _upright.
+        self._tilt_gain = 2.0 / params.trunk_tilt_horizon**2
         margin = 2.0 * params.sole_margin
         self._sole_length = model.sole_length - margin
         self._sole_width = model.sole_width - margin
@@ -120,24 +126,29 @@ class WholeBodyLimits:
             ticks = model.drives.max_torque_rate * period
             self._torque_steps = ticks * self._torques
 
-    def constants(self, num_soles: int) -> tuple[Array, Array]:
+    def constants(self, num_soles: int) -> tuple[Array, Array, Array]:
         """The rows of a QP without near links, with what is constant.
 
         Args:
             num_soles: number of soles in contact.
 
         Returns:
-            Rows C (m, n) and their bounds (2, m), 0 where they vary; these
-            limits come after 6 rows for each sole and 6 for the base.
+            Costs of s (2,), rows C (m, n) and their bounds (2, m), 0 where
+            they vary; these limits come after 6 rows for each sole and 6 for
+            the base.
         """
         nv, first = 6 + self._model.num_joints, 6 * num_soles + 6
-        soles = first + self._trunk_rows.stop
-        C = np.zeros((soles + num_soles * _FOOT_ROWS, nv + 6 * num_soles))
+        soles, slacks = first + self._slack_rows.stop, nv + 6 * num_soles
+        C = np.zeros((soles + num_soles * _FOOT_ROWS, slacks + NUM_TILTS))
         C[first:][self._joint_rows, 6:nv] = np.eye(nv - 6)
+        C[first:][self._trunk_rows, slacks:] = np.eye(NUM_TILTS)
+        C[first:][self._slack_rows, slacks:] = np.eye(NUM_TILTS)
         bounds = np.zeros((2, len(C)))
         bounds[1, first:][self._trunk_rows] = np.inf
+        margin = math.radians(self._params.trunk_tilt_margin_deg)
+        bounds[1, first:][self._slack_rows] = self._tilt_gain * margin
         bounds[:, soles:] = np.tile(self._wrench, num_soles)
-        return C, bounds
+        return np.full(NUM_TILTS, _TILT_SLACK), C, bounds
 
     def fill(
         self,
@@ -171,7 +182,7 @@ class WholeBodyLimits:
         self._upright(terms, C=C, lower=bounds[0])
         cone = command.friction * self._cone_slope
         cone += self._cone_rest
-        row, column = self._trunk_rows.stop, terms.v.size
+        row, column = self._slack_rows.stop, terms.v.size
         least, mass = self._wrench[0, -1], self._model.mass
         for side, carries in enumerate(command.contacts):
             if carries:
@@ -228,13 +239,13 @@ class WholeBodyLimits:
     ) -> QpProblem:
         """The problem whose limits of joints, tilt, rate and distances yield.
 
-            lower <= C x + s <= upper of joint accelerations and tilt,
+            lower <= C x + j <= upper of joint accelerations,
             |torques - last torques| <= (1 + h) steps, within those of drives,
             A x + d >= lower of the link distances,
 
-        with a cost of s^2, h^2 and d^2, so that none yields more than it has
-        to; none is physical.  The variables are [x, s, h, d], h and d where
-        there is such a limit.
+        and no largest s, with a cost of j^2, h^2 and d^2, so that none yields
+        more than it has to; none is physical.  The variables are [x, j, h, d],
+        h and d where there is such a limit.
 
         Args:
             problem: that of the tick, infeasible.
@@ -246,7 +257,7 @@ class WholeBodyLimits:
         Returns:
             The problem.
         """
-        n, soft = problem.g.size, self.num_soft
+        n, soft = problem.g.size, self._model.num_joints
         pairs = len(terms.avoidance.limits) if terms.avoidance else 0
         has_rate = self._model.drives is not None and last_torques is not None
         costs = self._slack_costs[: soft + 1 if has_rate else soft]
@@ -257,18 +268,17 @@ class WholeBodyLimits:
         H[range(n, len(H)), range(n, len(H))] = costs
         A = np.zeros((len(problem.A), len(H)))
         A[:, :n] = problem.A
-        rows = slice(
-            first + self._joint_rows.start, first + self._trunk_rows.stop
-        )
-        A[rows, n : n + soft] = np.eye(soft)
+        A[first:][self._joint_rows, n : n + soft] = np.eye(soft)
         if pairs:
             A[-pairs:, -1] = 1.0
+        upper = problem.upper.copy()
+        upper[first:][self._slack_rows] = np.inf
         softened = QpProblem(
             H=H,
             g=np.concatenate((problem.g, np.zeros(costs.size))),
             A=A,
             lower=problem.lower,
-            upper=problem.upper,
+            upper=upper,
         )
         if not has_rate:
             return softened
@@ -297,8 +307,13 @@ class WholeBodyLimits:
         """Writes rows and lower bounds on the trunk's tilt.
 
         The rotation e from upright to the torso about a horizontal axis, a
-        horizon T ahead at the present velocity, stays within the largest tilt:
-        -e / |e| . wdot >= 2 / T^2 (|e| - max).  So does that of the pelvis.
+        horizon T ahead at the present velocity, stays within the largest tilt,
+        at a cost of s^2 beyond the margin below it:
+
+            -e / |e| . wdot + s >= 2 / T^2 (|e| - (max - margin)),
+            0 <= s <= 2 / T^2 margin.
+
+        So does that of the pelvis.
         """
         first, nv = self._trunk_rows.start, terms.v.size
         x, y, least = self._leaning(terms, 2, TORSO)
@@ -315,15 +330,17 @@ class WholeBodyLimits:
         self, terms: WholeBodyTerms, body: int, rows: slice
     ) -> tuple[float, float, float]:
         """The direction (x, y) back to upright, and the least acceleration."""
-        T = self._params.trunk_tilt_horizon
-        max_tilt = math.radians(self._params.max_trunk_tilt_deg)
+        params, T = self._params, self._params.trunk_tilt_horizon
+        free = math.radians(
+            params.max_trunk_tilt_deg - params.trunk_tilt_margin_deg
+        )
         x, y, z = terms.rotations[body, :, 2].tolist()
         wx, wy, _ = terms.velocities[rows].tolist()
         sine = math.hypot(x, y)
         scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
         ex, ey = T * wx - scale * y, T * wy + scale * x
         tilt = max(math.hypot(ex, ey), _TINY)
-        return -ex / tilt, -ey / tilt, 2.0 / T**2 * (tilt - max_tilt)
+        return -ex / tilt, -ey / tilt, self._tilt_gain * (tilt - free)
 
     def _cone(self, friction: float) -> Array:
         """Returns the rows of the wrench cone and normal force of a sole.

@@ -199,10 +199,18 @@ class WholeBodyQpParams:
         least=0.0,
     )
     max_trunk_tilt_deg: float = bounded(
-        29.0,
-        doc="largest tilt of torso and pelvis; below it the trunk is free to "
-        "help: its weight is low",
+        39.0,
+        doc="largest tilt of torso and pelvis",
         above=0.0,
+        most=180.0,
+        unit="deg",
+        of="",
+    )
+    trunk_tilt_margin_deg: float = bounded(
+        10.0,
+        doc="part of it that costs: below, the trunk is free to help, as its "
+        "weight is low",
+        least=0.0,
         most=180.0,
         unit="deg",
         of="",

@@ -15,7 +15,7 @@ from nadia_balance.core.whole_body.command import (
     WholeBodyModel,
     WholeBodyTerms,
 )
-from nadia_balance.core.whole_body.limits import WholeBodyLimits
+from nadia_balance.core.whole_body.limits import NUM_TILTS, WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.tasks import Task, WeightedTasks, usual_tasks
 
@@ -51,14 +51,16 @@ class WholeBodyQp:
     hierarchical inverse dynamics on a torque-controlled humanoid, Autonomous
     Robots 40 (2016), with weights instead of the hierarchy.  Minimises the
     weighted squares of task errors, posture error and sole wrenches over
-    [vdot (nv), w_left (6), w_right (6)], without the wrench of a sole in the
-    air, subject to
+    [vdot (nv), w_left (6), w_right (6), s (2)], without the wrench of a sole in
+    the air, subject to
 
     * J vdot + Jdot v = a of each sole in contact, or of its edge, if it rolls,
     * M vdot + bias = sum J' w in the six rows of the floating base,
     * limits on contact wrenches, torques, joints, the trunk's tilt and the
-      distances of near links; if the QP is infeasible, the limits of joints,
-      tilt, torque rates and distances become soft.
+      distances of near links; the last part of the tilt, s, costs, as a limit
+      at which it ends would outvote the forces of balance; if the QP is
+      infeasible, the limits of joints, tilt, torque rates and distances become
+      soft.
 
     Internally, forces, torques and M are per unit of the robot's mass.
 
@@ -85,10 +87,10 @@ class WholeBodyQp:
         nv = 6 + model.num_joints
         # By the number of variables: with one or two soles in contact; relaxed,
         # with slacks of the torque rate and the distances, or without.
-        soft = self._limits.num_soft
+        soft = model.num_joints
         self._qps = {
             hard + slacks: DenseQp(hard + slacks)
-            for hard in (nv + 6, nv + 12)
+            for hard in (nv + 6 + NUM_TILTS, nv + 12 + NUM_TILTS)
             for slacks in (0, soft, soft + 1, soft + 2)
         }
         # The posture's PD law, and the constant costs of vdot and wrenches.
@@ -109,13 +111,11 @@ class WholeBodyQp:
             (3, 2, 1),
         )
         # H, rows and bounds by the number of soles in contact.
-        self._constants = {
-            num_soles: (
-                np.diag(np.concatenate((vdot, np.tile(wrench, num_soles)))),
-                *self._limits.constants(num_soles),
-            )
-            for num_soles in (1, 2)
-        }
+        self._constants = {}
+        for num_soles in (1, 2):
+            slack, rows, bounds = self._limits.constants(num_soles)
+            costs = np.concatenate((vdot, np.tile(wrench, num_soles), slack))
+            self._constants[num_soles] = (np.diag(costs), rows, bounds)
 
     def solve(
         self,
@@ -159,7 +159,7 @@ class WholeBodyQp:
             + terms.forces[6:, -1]
         )
         wrenches = np.zeros(12)
-        wrenches[_CARRYING[command.contacts]] = mass * x[nv:]
+        wrenches[_CARRYING[command.contacts]] = mass * x[nv:-NUM_TILTS]
         return WholeBodySolution(
             vdot=x[:nv], wrenches=wrenches, torques=mass * torques, qp=qp
         )
@@ -199,8 +199,8 @@ class WholeBodyQp:
 
             minimise 1/2 x'Hx + g'x subject to lower <= A x <= upper,
 
-        x = [vdot, wrenches].  Rows: accelerations of the soles in contact (or
-        of their edges), motion of the base, limits.
+        x = [vdot, wrenches, s].  Rows: accelerations of the soles in contact
+        (or of their edges), motion of the base, limits.
 
         Args:
             terms: kinematics and dynamics.
@@ -225,7 +225,7 @@ class WholeBodyQp:
         # Equations of motion: rows of the base, followed by the torque rows.
         motion = rows[contacts : contacts + nv]
         motion[:, :nv] = terms.forces[:, :nv]
-        np.negative(J.T, out=motion[:, nv:])
+        np.negative(J.T, out=motion[:, nv : nv + contacts])
         b = self._right_sides(terms, command)
         first = contacts + 6  # row of the limits
         self._limits.fill(
@@ -257,7 +257,7 @@ class WholeBodyQp:
 
         The line at x = `edge` [m] in the sole frame is kept at rest, the sole
         does not rotate about its x and z axes, and the moment about the edge
-        is zero.  The results are the new A (6, nv + 12) and b (6,), the row
+        is zero.  The results are the new A (6, nv + 14) and b (6,), the row
         (nv,) of the angular acceleration about the edge, and its value that
         keeps the sole flat.
         """

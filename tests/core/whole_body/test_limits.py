@@ -35,6 +35,7 @@ from tests.whole_body_examples import (
     solve,
     standing_state,
     terms_at,
+    yielding,
 )
 
 LENGTH, WIDTH, FRICTION = 0.25, 0.12, 0.6
@@ -302,6 +303,33 @@ def test_the_trunk_stops_at_its_largest_tilt(body, yaw, tilt, rate, near):
     assert math.degrees(ahead[1]) > 25.0
 
 
+@pytest.mark.parametrize("body", [TORSO, PELVIS], ids=["torso", "pelvis"])
+def test_a_tilt_in_the_margin_costs(body):
+    """Oracle: quadprog, a limit at its beginning with a slack of its own.
+
+    The cost of the slack s is 1/2 100 s^2; a task swings the body outward.
+    """
+    terms = terms_at(leaning(body, 0.7, (0.1, 0.3), (0.2, 0.3)))
+    at_once, later = (
+        WholeBodyQp(
+            WholeBodyQpParams(
+                max_trunk_tilt_deg=15.0 + margin, trunk_tilt_margin_deg=margin
+            ),
+            model(),
+            PERIOD,
+            [Turn(body, np.array([10.0, 20.0, 0.0]))],
+        )
+        for margin in (0.0, 30.0)
+    )
+    wish = command(terms)
+    problem = at_once.problem(terms, wish)
+    expected = by_quadprog(with_slack(problem, {64: 100.0, 65: 100.0}))
+    solution = later.solve(terms, wish)
+    assert solution.qp.solves == 1
+    assert solution.vdot == pytest.approx(expected[:29], abs=1e-5)
+    assert np.max(expected[-2:]) > 1.0  # rad/s^2 that are missing
+
+
 def contradictions():
     """A state, parameters and a body for which the QP has no solution.
 
@@ -331,10 +359,7 @@ def test_joints_and_trunk_yield_if_nothing_else_is_possible(
     problem = qp.problem(terms, command(terms))
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(problem)
-    first = 18 + 23  # after equalities and torques
-    cost = dict.fromkeys(range(first, first + 23), 1.0)  # of joints
-    cost |= {first + 23: 100.0, first + 24: 100.0}  # of torso and pelvis
-    expected = by_quadprog(with_slack(problem, cost))[:29]
+    expected = by_quadprog(yielding(problem))[:29]
     solution = qp.solve(terms, command(terms))
     assert solution.qp.solves - solution.qp.fallback == 2
     assert solution.vdot == pytest.approx(expected, abs=1e-5)
@@ -354,8 +379,7 @@ def test_links_yield_if_nothing_else_is_possible():
     problem = qp.problem(terms, command(terms))
     with pytest.raises(ValueError, match="inconsistent"):
         by_quadprog(problem)
-    cost = dict.fromkeys(range(41, 64), 1.0) | {64: 100.0, 65: 100.0}
-    soft = with_slack(problem, cost)
+    soft = yielding(problem)
     n, m = soft.g.size, len(soft.A)
     H = np.pad(soft.H, ((0, 1), (0, 1)))
     H[n, n] = 100.0

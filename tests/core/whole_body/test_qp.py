@@ -16,7 +16,7 @@ from nadia_balance.core.whole_body.limits import WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.qp import WholeBodyQp
 from tests.core.whole_body.test_limits import knee_at
-from tests.qp_examples import by_quadprog, with_slack
+from tests.qp_examples import by_quadprog
 from tests.whole_body_examples import (
     CONTACTS,
     PERIOD,
@@ -30,6 +30,7 @@ from tests.whole_body_examples import (
     solve,
     standing_state,
     terms_at,
+    yielding,
 )
 
 
@@ -48,8 +49,6 @@ def test_torques_change_faster_if_nothing_else_is_possible():
     drives = qp.problem(terms, command(terms))  # without a limit of the rate
     torques = slice(18, 41)  # behind the equalities
     step = model().drives.max_torque_rate * PERIOD * last / model().mass
-    yielding = dict.fromkeys(range(41, 64), 1.0)  # joints
-    yielding |= {64: 100.0, 65: 100.0}  # torso and pelvis
 
     def best(haste):
         lower, upper = drives.lower.copy(), drives.upper.copy()
@@ -58,7 +57,7 @@ def test_torques_change_faster_if_nothing_else_is_possible():
         )
         slower = problem.upper[torques] + haste * step
         upper[torques] = np.minimum(upper[torques], slower)
-        soft = with_slack(drives._replace(lower=lower, upper=upper), yielding)
+        soft = yielding(drives._replace(lower=lower, upper=upper))
         x = by_quadprog(soft)
         return 0.5 * x @ soft.H @ x + soft.g @ x + 5e3 * haste**2, x
 
