@@ -321,7 +321,7 @@ class WholeBodyQpParams:
         "on at the speed that they have, at any torque",
     )
     joint_limit_horizon: float = bounded(
-        0.1, doc="horizon of the joint position limits", above=0.0, unit="s"
+        0.07, doc="horizon of the joint position limits", above=0.0, unit="s"
     )
     speed_limit_horizon: float = bounded(
         0.02, doc="horizon of the joint speed limits", above=0.0, unit="s"
