@@ -26,6 +26,7 @@ from nadia_balance.robot.plants import (
     effort_limits,
     joints,
     joints_above,
+    knee_among,
 )
 
 _V = JacobianWrtVariable.kV
@@ -211,14 +212,20 @@ def whole_body_model(
             f"joint_lower_limits.{joint} = {lower[i]}: must be below its upper "
             f"limit, {upper[i]} rad",
         )
-    is_leg_joint = np.zeros(lower.size, dtype=bool)
-    for foot in robot.foot_bodies.values():
-        is_leg_joint[
-            [leg.velocity_start() - 6 for leg in joints_above(plant, foot)]
-        ] = True
     posture = _by_joint(
         plant=plant, field="posture", values=robot.posture, others=0.0
     )
+    context = plant.CreateDefaultContext()
+    upright: Any = np.concatenate((_UPRIGHT, posture))
+    plant.SetPositions(context, upright)
+    is_leg_joint, is_knee = np.zeros((2, lower.size), dtype=bool)
+    for foot in robot.foot_bodies.values():
+        leg = joints_above(plant, foot)
+        is_leg_joint[[joint.velocity_start() - 6 for joint in leg]] = True
+        knee = knee_among(leg, context)
+        if knee:
+            is_knee[knee.velocity_start() - 6] = True
+    inertia = np.linalg.inv(plant.CalcMassMatrix(context))
     return WholeBodyModel(
         mass=robot.mass,
         sole_length=robot.sole_length,
@@ -231,7 +238,8 @@ def whole_body_model(
         max_speed=robot.max_joint_speeds,
         corner_speed=robot.corner_speeds,
         is_leg_joint=is_leg_joint,
-        inertia=_apparent_inertia(plant, posture),
+        is_knee=is_knee,
+        inertia=1.0 / np.diag(inertia)[6:],
         drives=robot.drives,
         given=tuple(
             _joint_number(plant, f"given_joints: {joint}", joint)
@@ -258,14 +266,6 @@ def _joint_number(plant: MultibodyPlant, named: str, joint: str) -> int:
     """The joint's place among all; ValueError `named`: there is no such."""
     require(plant.HasJointNamed(joint), f"{named}: the robot has no such joint")
     return int(plant.GetJointByName(joint).velocity_start()) - 6
-
-
-def _apparent_inertia(plant: MultibodyPlant, posture: Array) -> Array:
-    """Torque per acceleration (nj,) [kg m^2] of each joint, all else free."""
-    context = plant.CreateDefaultContext()
-    positions: Any = np.concatenate((_UPRIGHT, posture))
-    plant.SetPositions(context, positions)
-    return 1.0 / np.diag(np.linalg.inv(plant.CalcMassMatrix(context)))[6:]
 
 
 def _ankle(robot: RobotModel, plant: MultibodyPlant, side: Side) -> Array:

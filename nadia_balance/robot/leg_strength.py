@@ -21,8 +21,8 @@ from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.plants import (
     actuators,
     effort_limits,
-    is_pitch,
     joints_above,
+    knee_among,
 )
 
 if TYPE_CHECKING:
@@ -204,8 +204,8 @@ class StandingLegs:
     def _ankle(self, foot: str) -> list[Joint]:
         """The joints between foot and knee; none if there is no such knee."""
         above = joints_above(self.plant, foot)
-        pitches = np.flatnonzero([is_pitch(j, self.context) for j in above])
-        return above[: pitches[1]] if len(pitches) > 1 else []
+        knee = knee_among(above, self.context)
+        return above[: above.index(knee)] if knee else []
 
 
 class StandingKinematics(InverseKinematics):

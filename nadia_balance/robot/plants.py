@@ -1,6 +1,6 @@
 """A plant: its ground; its joints, drives and bodies."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -114,6 +114,20 @@ def is_pitch(joint: Joint, context: Context) -> bool:
     R_WJ = joint.frame_on_child().CalcPoseInWorld(context).rotation()
     axis = R_WJ @ cast(RevoluteJoint, joint).revolute_axis()
     return bool(abs(axis[1]) > _PITCH)
+
+
+def knee_among(leg: Sequence[Joint], context: Context) -> Joint | None:
+    """The knee of a leg: its second pitch axis above the foot.
+
+    Args:
+        leg: its joints, that next to the foot first (see joints_above).
+        context: of their plant.
+
+    Returns:
+        The knee; None if there is no such joint.
+    """
+    pitches = [joint for joint in leg if is_pitch(joint, context)]
+    return pitches[1] if len(pitches) > 1 else None
 
 
 def body_poses(

@@ -24,8 +24,8 @@ from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import (
     actuators,
     effort_limits,
-    is_pitch,
     joints_above,
+    knee_among,
 )
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
@@ -248,13 +248,9 @@ def _knee_at_reach(robot: RobotModel) -> tuple[str, float]:
     knees = []
     for side, foot in robot.foot_bodies.items():
         torques = legs.standing_torques({side: 1.0})
-        pitches = [
-            joint
-            for joint in joints_above(legs.plant, foot)
-            if is_pitch(joint, legs.context)
-        ]
-        if len(pitches) > 1:
-            i = pitches[1].velocity_start()
-            knees.append((abs(torques[i]) / limits[i], pitches[1].name()))
+        knee = knee_among(joints_above(legs.plant, foot), legs.context)
+        if knee:
+            i = knee.velocity_start()
+            knees.append((abs(torques[i]) / limits[i], knee.name()))
     ratio, name = max(knees, default=(np.inf, "the knees"))
     return name, float(ratio)

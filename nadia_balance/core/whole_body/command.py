@@ -50,6 +50,7 @@ class WholeBodyModel:
         max_speed: limits (nj,), which may be infinite [rad/s].
         corner_speed: shares (nj,) of them with the full torque [-].
         is_leg_joint: whether it is one (nj,).
+        is_knee: whether it is one (nj,).
         inertia: apparent inertia of each in the air (nj,) [kg m^2].
         drives: without, torques have no speed or rate limits.
         given: joints that somebody else moves, their numbers.
@@ -66,6 +67,7 @@ class WholeBodyModel:
     max_speed: Array
     corner_speed: Array
     is_leg_joint: NDArray[np.bool_]
+    is_knee: NDArray[np.bool_]
     inertia: Array
     drives: JointDriveParams | None = None
     given: tuple[int, ...] = ()

@@ -121,6 +121,9 @@ class WholeBodyLimits:
         self._wrench[0, -1] = params.min_normal_force / model.mass
         self._torques: Array = model.max_torque / model.mass * _SIGNS
         self._positions = np.stack((model.position_lower, model.position_upper))
+        self._horizons = np.where(
+            model.is_knee, params.knee_limit_horizon, params.joint_limit_horizon
+        )
         self._speeds = params.max_speed_ratio * model.max_speed * _SIGNS
         if model.drives is not None:
             ticks = model.drives.max_torque_rate * period
@@ -360,7 +363,7 @@ class WholeBodyLimits:
         v + T vdot within the speed limits for a shorter one, which come first;
         the bounds are clipped to `max_joint_acceleration`.
         """
-        v, horizon = terms.v[6:], self._params.joint_limit_horizon
+        v, horizon = terms.v[6:], self._horizons
         bounds = self._positions - (terms.q[7:] + horizon * v)
         bounds *= 2.0 / horizon**2
         room = self._speeds - v

@@ -323,6 +323,13 @@ class WholeBodyQpParams:
     joint_limit_horizon: float = bounded(
         0.07, doc="horizon of the joint position limits", above=0.0, unit="s"
     )
+    knee_limit_horizon: float = bounded(
+        0.13,
+        doc="that of the knees: one that is nearly straight has to bend too "
+        "fast when the leg lands",
+        above=0.0,
+        unit="s",
+    )
     speed_limit_horizon: float = bounded(
         0.02, doc="horizon of the joint speed limits", above=0.0, unit="s"
     )

@@ -38,7 +38,8 @@ MODEL = WholeBodyModel(
     max_speed=np.zeros(0),
     corner_speed=np.zeros(0),
     inertia=np.zeros(0),
-    is_leg_joint=np.zeros(0),
+    is_leg_joint=np.zeros(0, dtype=bool),
+    is_knee=np.zeros(0, dtype=bool),
 )
 
 

@@ -147,28 +147,31 @@ def test_joints_of_somebody_else_s_move_on_as_they_do():
             assert ratio < 1.0 + 1e-6
 
 
-def knee_at(speed: float):
+def knee_at(speed: float, joint: str = "LEFT_KNEE_Y"):
     """Nadia stands on its right foot; its left knee bends at `speed`."""
     state = standing_state()
-    knee = kinematics().plant.GetJointByName("LEFT_KNEE_Y").velocity_start()
+    knee = kinematics().plant.GetJointByName(joint).velocity_start()
     state[30 + knee] = speed
     return knee, terms_at(state)
 
 
-def test_joints_brake_before_their_limits():
+@pytest.mark.parametrize(
+    ("joint", "horizon"), [("LEFT_KNEE_Y", 0.13), ("LEFT_HIP_Y", 0.07)]
+)
+def test_joints_brake_before_their_limits(joint, horizon):
     """Oracle: the position that the horizon leads to, by hand.
 
-    No swing task, which would brake the knee sooner.
+    No swing task and no damping, which would brake the leg sooner.
     """
     params = WholeBodyQpParams(
-        swing_position_weight=0.0, swing_height_weight=0.0
+        swing_position_weight=0.0, swing_height_weight=0.0, damping_ratio=0.0
     )
-    knee, terms = knee_at(-3.0)  # straightens, and fast
-    angle, horizon = standing_state()[knee + 1], params.joint_limit_horizon
+    knee, terms = knee_at(-3.0, joint)  # a knee straightens, and fast
+    angle = standing_state()[knee + 1]
     wish, lowest = command(terms, (False, True)), angle - 0.005
     limited, free = (
         WholeBodyQp(params, body, PERIOD).solve(terms, wish).vdot[knee]
-        for body in (model(LEFT_KNEE_Y=lowest), model())
+        for body in (model(**{joint: lowest}), model())
     )
     ahead = angle - 3.0 * horizon + 0.5 * horizon**2 * limited
     assert ahead == pytest.approx(lowest, abs=1e-9)
@@ -333,11 +336,11 @@ def test_a_tilt_in_the_margin_costs(body):
 def contradictions():
     """A state, parameters and a body for which the QP has no solution.
 
-    The knee has to bend, with soles at rest: 7 deg in 20 ms are 600 rad/s^2.
+    The knee has to bend, with soles at rest: 1.5 rad in 70 ms are 600 rad/s^2.
     """
     knee, upright = knee_at(0.0)[0], standing_state()
     bent = model(LEFT_KNEE_Y=upright[knee + 1] + 1.5)
-    yield upright, WholeBodyQpParams(), bent
+    yield upright, WholeBodyQpParams(knee_limit_horizon=0.07), bent
     upright_soon = WholeBodyQpParams(
         max_trunk_tilt_deg=0.5, trunk_tilt_horizon=0.02
     )

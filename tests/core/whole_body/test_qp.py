@@ -198,7 +198,8 @@ def test_a_joint_s_speed_comes_before_its_position(speed):
     speed; a knee that is too fast to return has to slow down first.
     """
     knee, terms = knee_at(speed)
-    beyond = replace(model(), position_lower=standing_state()[7:30] + 4.0)
+    q = standing_state()[7:30]
+    beyond = replace(model(), position_lower=q + 4.0, position_upper=q + 9.0)
     limits = WholeBodyLimits(WholeBodyQpParams(), beyond, PERIOD)
     bounds = np.zeros((2, 400))
     limits.fill(np.zeros((400, 41)), bounds, terms, command(terms))
