@@ -58,11 +58,13 @@ def contact_wrench_cone(length: float, width: float, friction: float) -> Array:
 
 
 _FOOT_ROWS = NUM_CONE_ROWS + 1  # the cone and the size of the normal force
-NUM_TILTS = 2  # of the trunk that are limited: torso and pelvis
-# Cost of a tilt in its margin, per acceleration towards upright that is missing
-# [s^4/rad^2]; costs of what limits yield if they must: accelerations of joints
-# [s^4/rad^2], of links [s^4/m^2], and the torque rate, per its limit [-].
-_TILT_SLACK, _JOINT_SLACK = 100.0, 1.0
+# Costs of a tilt of torso and pelvis in its margin, per acceleration towards
+# upright that is missing [s^4/rad^2].
+TILT_COSTS = 100.0, 100.0
+_NUM_TILTS = len(TILT_COSTS)
+# Costs of what limits yield if they must: accelerations of joints [s^4/rad^2],
+# of links [s^4/m^2], and the torque rate, per its limit [-].
+_JOINT_SLACK = 1.0
 _DISTANCE_SLACK = 100.0
 _RATE_SLACK = 1e4
 _TINY = 1e-9  # a smaller tilt has no direction [rad]
@@ -97,14 +99,21 @@ class WholeBodyLimits:
         n = model.num_joints
         self._params, self._model = params, model
         self.torque_rows, self._joint_rows = slice(0, n), slice(n, 2 * n)
-        self._trunk_rows = slice(2 * n, 2 * n + NUM_TILTS)
+        self._trunk_rows = slice(2 * n, 2 * n + _NUM_TILTS)
         self._slack_rows = slice(
-            self._trunk_rows.stop, self._trunk_rows.stop + NUM_TILTS
+            self._trunk_rows.stop, self._trunk_rows.stop + _NUM_TILTS
         )
         self._given = list(model.given)
         self._slack_costs = np.array([_JOINT_SLACK] * n + [_RATE_SLACK])
-        # Of the angular acceleration per tilt, see _upright.
+        # Acceleration back to upright per tilt [1/s^2], see _upright; the tilt
+        # that costs nothing, and the largest acceleration that is missing.
         self._tilt_gain = 2.0 / params.trunk_tilt_horizon**2
+        self._free_tilt = math.radians(
+            params.max_trunk_tilt_deg - params.trunk_tilt_margin_deg
+        )
+        self._most_missing = self._tilt_gain * math.radians(
+            params.trunk_tilt_margin_deg
+        )
         margin = 2.0 * params.sole_margin
         self._sole_length = model.sole_length - margin
         self._sole_width = model.sole_width - margin
@@ -129,29 +138,27 @@ class WholeBodyLimits:
             ticks = model.drives.max_torque_rate * period
             self._torque_steps = ticks * self._torques
 
-    def constants(self, num_soles: int) -> tuple[Array, Array, Array]:
+    def constants(self, num_soles: int) -> tuple[Array, Array]:
         """The rows of a QP without near links, with what is constant.
 
         Args:
             num_soles: number of soles in contact.
 
         Returns:
-            Costs of s (2,), rows C (m, n) and their bounds (2, m), 0 where
-            they vary; these limits come after 6 rows for each sole and 6 for
-            the base.
+            Rows C (m, n) and their bounds (2, m), 0 where they vary; these
+            limits come after 6 rows for each sole and 6 for the base.
         """
         nv, first = 6 + self._model.num_joints, 6 * num_soles + 6
         soles, slacks = first + self._slack_rows.stop, nv + 6 * num_soles
-        C = np.zeros((soles + num_soles * _FOOT_ROWS, slacks + NUM_TILTS))
+        C = np.zeros((soles + num_soles * _FOOT_ROWS, slacks + _NUM_TILTS))
         C[first:][self._joint_rows, 6:nv] = np.eye(nv - 6)
-        C[first:][self._trunk_rows, slacks:] = np.eye(NUM_TILTS)
-        C[first:][self._slack_rows, slacks:] = np.eye(NUM_TILTS)
+        C[first:][self._trunk_rows, slacks:] = np.eye(_NUM_TILTS)
+        C[first:][self._slack_rows, slacks:] = np.eye(_NUM_TILTS)
         bounds = np.zeros((2, len(C)))
         bounds[1, first:][self._trunk_rows] = np.inf
-        margin = math.radians(self._params.trunk_tilt_margin_deg)
-        bounds[1, first:][self._slack_rows] = self._tilt_gain * margin
+        bounds[1, first:][self._slack_rows] = self._most_missing
         bounds[:, soles:] = np.tile(self._wrench, num_soles)
-        return np.full(NUM_TILTS, _TILT_SLACK), C, bounds
+        return C, bounds
 
     def fill(
         self,
@@ -333,17 +340,18 @@ class WholeBodyLimits:
         self, terms: WholeBodyTerms, body: int, rows: slice
     ) -> tuple[float, float, float]:
         """The direction (x, y) back to upright, and the least acceleration."""
-        params, T = self._params, self._params.trunk_tilt_horizon
-        free = math.radians(
-            params.max_trunk_tilt_deg - params.trunk_tilt_margin_deg
-        )
+        T = self._params.trunk_tilt_horizon
         x, y, z = terms.rotations[body, :, 2].tolist()
         wx, wy, _ = terms.velocities[rows].tolist()
         sine = math.hypot(x, y)
         scale = math.atan2(sine, z) / sine if sine > _TINY else 1.0
         ex, ey = T * wx - scale * y, T * wy + scale * x
         tilt = max(math.hypot(ex, ey), _TINY)
-        return -ex / tilt, -ey / tilt, self._tilt_gain * (tilt - free)
+        return (
+            -ex / tilt,
+            -ey / tilt,
+            self._tilt_gain * (tilt - self._free_tilt),
+        )
 
     def _cone(self, friction: float) -> Array:
         """Returns the rows of the wrench cone and normal force of a sole.

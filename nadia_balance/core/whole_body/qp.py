@@ -15,7 +15,7 @@ from nadia_balance.core.whole_body.command import (
     WholeBodyModel,
     WholeBodyTerms,
 )
-from nadia_balance.core.whole_body.limits import NUM_TILTS, WholeBodyLimits
+from nadia_balance.core.whole_body.limits import TILT_COSTS, WholeBodyLimits
 from nadia_balance.core.whole_body.params import WholeBodyQpParams
 from nadia_balance.core.whole_body.tasks import Task, WeightedTasks, usual_tasks
 
@@ -90,7 +90,7 @@ class WholeBodyQp:
         soft = model.num_joints
         self._qps = {
             hard + slacks: DenseQp(hard + slacks)
-            for hard in (nv + 6 + NUM_TILTS, nv + 12 + NUM_TILTS)
+            for hard in (nv + 6 + len(TILT_COSTS), nv + 12 + len(TILT_COSTS))
             for slacks in (0, soft, soft + 1, soft + 2)
         }
         # The posture's PD law, and the constant costs of vdot and wrenches.
@@ -111,11 +111,13 @@ class WholeBodyQp:
             (3, 2, 1),
         )
         # H, rows and bounds by the number of soles in contact.
-        self._constants = {}
-        for num_soles in (1, 2):
-            slack, rows, bounds = self._limits.constants(num_soles)
-            costs = np.concatenate((vdot, np.tile(wrench, num_soles), slack))
-            self._constants[num_soles] = (np.diag(costs), rows, bounds)
+        self._constants = {
+            n: (
+                np.diag(np.concatenate((vdot, np.tile(wrench, n), TILT_COSTS))),
+                *self._limits.constants(n),
+            )
+            for n in (1, 2)
+        }
 
     def solve(
         self,
@@ -159,7 +161,7 @@ class WholeBodyQp:
             + terms.forces[6:, -1]
         )
         wrenches = np.zeros(12)
-        wrenches[_CARRYING[command.contacts]] = mass * x[nv:-NUM_TILTS]
+        wrenches[_CARRYING[command.contacts]] = mass * x[nv : -len(TILT_COSTS)]
         return WholeBodySolution(
             vdot=x[:nv], wrenches=wrenches, torques=mass * torques, qp=qp
         )

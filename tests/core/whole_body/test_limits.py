@@ -148,7 +148,7 @@ def test_joints_of_somebody_else_s_move_on_as_they_do():
 
 
 def knee_at(speed: float, joint: str = "LEFT_KNEE_Y"):
-    """Nadia stands on its right foot; its left knee bends at `speed`."""
+    """Nadia stands on its right foot; its left knee, or a joint, turns."""
     state = standing_state()
     knee = kinematics().plant.GetJointByName(joint).velocity_start()
     state[30 + knee] = speed
