@@ -61,6 +61,7 @@ FREE = (
     "scheduler",
     "out",
 )
+PLOTTED = ("plot_only", "beside")
 
 
 @command_line.program
@@ -79,6 +80,7 @@ def main(argv: list[str] | None = None) -> int:
         return _measure_row(parser, args, argv)
     if args.plot_only is not None:
         with parser.refusing():
+            _require_only(PLOTTED, parser, args, "--plot-only")
             rows = Rows.read(args.plot_only)
             check(SearchParams.of(rows.identity))
             load_robot(rows.identity["robot"])
@@ -127,7 +129,8 @@ def parser_of() -> command_line.CommandLine:
         "--plot-only",
         type=command_line.place,
         metavar="FOLDER",
-        help=f"only write what follows from FOLDER/{TRIALS}",
+        help=f"only write what follows from FOLDER/{TRIALS}; with no other flag "
+        "but --beside",
     )
     group.add_argument(
         "--beside",
@@ -350,18 +353,27 @@ def sweeps_of_row(
     Raises:
         ValueError: names the invalid flag, or one that push-v1 fixes.
     """
-    for name, value in vars(args).items():
-        require(
-            name in FREE or value == parser.get_default(name),
-            f"{name} = {value}: must not come with {push_v1.NAME}, which has "
-            "its own",
-        )
+    _require_only(FREE, parser, args, f"{push_v1.NAME}, which has its own")
     return push_v1.sweeps(
         push_v1.QUICK if args.quick else push_v1.FULL,
         args.robot or "nadia",
         command_line.controller_of(args),
         parsed_blocks(args.block or ()),
     )
+
+
+def _require_only(
+    names: tuple[str, ...],
+    parser: command_line.CommandLine,
+    args: argparse.Namespace,
+    other: str,
+) -> None:
+    """Requires that no flags but those of these names are given."""
+    for name, value in vars(args).items():
+        require(
+            name in names or value == parser.get_default(name),
+            f"{name} = {value}: must not come with {other}",
+        )
 
 
 def _measure_row(
