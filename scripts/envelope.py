@@ -129,8 +129,8 @@ def parser_of() -> command_line.CommandLine:
         "--plot-only",
         type=command_line.place,
         metavar="FOLDER",
-        help=f"only write what follows from FOLDER/{TRIALS}; with no other flag "
-        "but --beside",
+        help=f"only write what follows from FOLDER/{TRIALS}; with no other "
+        "flag but --beside",
     )
     group.add_argument(
         "--beside",

@@ -16,7 +16,13 @@ import numpy as np
 from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.body.swing_detour import PEAK, SwingEdges
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.core.walking.state import FootPose, Mode, Phase, WalkingState
+from nadia_balance.core.walking.state import (
+    ContactSchedule,
+    FootPose,
+    Mode,
+    Phase,
+    WalkingState,
+)
 from nadia_balance.parameters.bounds import bounded, parameters
 
 XY, Z, YAW = slice(2), slice(2, 3), 3
@@ -182,8 +188,7 @@ class SwingFoot:
 
         The times [s] are those from start to end of x, y, z and yaw.
         """
-        schedule, detour = state.schedule, self.model.detour
-        goal = schedule.footsteps[0].pose
+        detour, goal = self.model.detour, state.schedule.footsteps[0].pose
         end = np.zeros((3, 4))
         turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
         end[0] = *goal.p_WF, start[0, YAW] + turn
@@ -196,16 +201,10 @@ class SwingFoot:
         # The horizontal motion ends before the vertical one.
         drop = edges.drop if edges else 0.0
         settling = max(detour.settling, drop / detour.max_descent)
-        over = max(left - settling, min(left, 2.0 * detour.settling))
-        end[:, XY], over = self._within_limits(
+        end[:, XY], over = self._over_ground(
             start[:, XY],
-            path=detour.way_round(
-                start=start[0, XY],
-                goal=goal.p_WF[:2],
-                stance=schedule.feet[schedule.support_side],
-                swing=schedule.support_side.other,
-            ),
-            left=over,
+            schedule=state.schedule,
+            left=max(left - settling, min(left, 2.0 * detour.settling)),
         )
         radius = self.params.descent_radius
         arrived = math.dist(start[0, XY], goal.p_WF[:2]) < radius
@@ -223,14 +222,7 @@ class SwingFoot:
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
         landing = end[:, Z].copy()
         if not _sinks(height, descent, slow, left):
-            apex = self._apex(
-                z=float(start[0, 2]),
-                ground=float(end[0, 2]) if edges is None else edges.top,
-                left=left,
-                state=state,
-            )
-            if apex is not None:
-                end[:, Z], _ = _past(start[:, Z], landing, left=left, via=apex)
+            end[:, Z] = self._lifted(start, landing, left, state, edges)
         if edges and edges.are_in_the_way(start[0, :3]):
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
         elif edges:
@@ -279,14 +271,21 @@ class SwingFoot:
             return 0.0
         return 2.0 * height / (descent + slow)
 
-    def _within_limits(
-        self, start: Array, path: Array, left: float
+    def _over_ground(
+        self, start: Array, schedule: ContactSchedule, left: float
     ) -> tuple[Array, float]:
         """Returns the end (3, 2) of the quintic, and its time >= `left` [s].
 
-        The quintic follows `path` (n, 2) past its first corner, if possible
-        with at most PEAK times `max_acceleration` on the whole path.
+        The quintic passes the first corner of the way round the stance leg, if
+        possible with at most PEAK times `max_acceleration` on the whole way.
         """
+        side = schedule.support_side
+        path = self.model.detour.way_round(
+            start=start[0],
+            goal=schedule.footsteps[0].pose.p_WF[:2],
+            stance=schedule.feet[side],
+            swing=side.other,
+        )
         end = np.zeros((3, 2))
         end[0] = path[-1]
         needed = self.model.detour.shortest_time(path, start[1])
@@ -303,18 +302,30 @@ class SwingFoot:
             left *= _STRETCH
         return aim, left
 
-    def _apex(
-        self, z: float, ground: float, left: float, state: WalkingState
-    ) -> Array | None:
-        """Returns the apex (1,) [m]; None if a foot at `z` [m] is above it."""
+    def _lifted(
+        self,
+        start: Array,
+        landing: Array,
+        left: float,
+        state: WalkingState,
+        edges: SwingEdges | None,
+    ) -> Array:
+        """Returns the end (3, 1) of the quintic in z past the apex.
+
+        It is `landing` (3, 1) if the foot is above the apex.
+        """
         schedule = state.schedule
         height = self.params.height
         if schedule.legs_crossed:
             height = min(height, self.params.uncrossing_height)
         height *= min(1.0, (left / self.params.fall_time) ** 2)
         lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
+        ground = float(landing[0, 0]) if edges is None else edges.top
         apex = max(lift_off, ground) + height
-        return np.array([apex]) if z < apex else None
+        if start[0, 2] >= apex:
+            return landing
+        via = np.array([apex])
+        return _past(start[:, Z], landing, left=left, via=via)[0]
 
 
 def _sinks(height: float, descent: float, slow: float, left: float) -> bool:
