@@ -1,6 +1,7 @@
 """Avoidance of self-collisions: distances of links and rows of the QP."""
 
 import itertools
+import math
 from collections.abc import Collection
 from typing import Any, cast
 
@@ -25,11 +26,12 @@ from nadia_balance.core.math.segments import (
     SegmentPairs,
     gap_rates,
 )
-from nadia_balance.core.whole_body.command import MAX_PAIRS
+from nadia_balance.core.whole_body.command import Avoidance
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import body_poses, joints
 
+MAX_PAIRS = 8  # largest number of pairs that count
 _V = JacobianWrtVariable.kV
 _ORIGIN = np.zeros(3)
 
@@ -37,11 +39,11 @@ _ORIGIN = np.zeros(3)
 class CollisionAvoidance:
     """Keeps links apart: (d/dt + rate)^2 (d - clearance) >= 0.
 
-    A pair counts if its distance d is less than `attention` or, with a link of
-    the upper body, if it is less than `arm_attention` and decreases so fast
-    that it must brake: near the trunk alone, an arm's motors could not stop it
-    any more.  Pairs of legs have no larger distance: legs pass each other
-    closely, and the swing foot's reference makes its own detour.
+    A pair counts if its distance d is less than `attention`, then as a hard
+    limit, or, with a link of the upper body, if it is less than `arm_attention`
+    and decreases so fast that it must brake, then as a soft task.  Pairs of
+    legs have no larger distance: legs pass each other closely, and the swing
+    foot's reference makes its own detour.
 
     Capsules and spheres are measured in closed form, all pairs at once; pairs
     with another shape are measured by the SceneGraph, one by one.
@@ -65,7 +67,8 @@ class CollisionAvoidance:
         self._params = params
         self._plant = plant
         self._world = plant.world_frame()
-        self._nothing = np.empty((0, plant.num_velocities() + 1))
+        none = np.empty((0, plant.num_velocities() + 1))
+        self._nothing = Avoidance(limits=none, braking=none)
         inspector = scene.model_inspector()
         others = _moved_by(plant, given)
         candidates = [
@@ -103,22 +106,26 @@ class CollisionAvoidance:
         body = self._number[shape.body.index()]
         return Segment(shape.begin, shape.axis, shape.radius, body)
 
-    def calc(self, context: Context) -> Array:
+    def calc(self, context: Context) -> Avoidance:
         """The rows of the pairs that need the largest decelerations.
 
         Args:
             context: of the plant, at the robot's state.
 
         Returns:
-            Rows [A, a] (k, nv + 1), k <= MAX_PAIRS, the most urgent first, with
-            A vdot + a >= 0 [m/s^2].
+            At most MAX_PAIRS rows, sorted, the most urgent first.
         """
         distance, rows = self.distances(context)
         if not distance.size:
             return self._nothing
         v: Any = self._plant.GetVelocities(context)
         law = -self._params.braking(distance, rows @ v)
-        return np.column_stack((rows, law))
+        table = np.column_stack((rows, law))
+        near = distance < self._params.attention
+        return Avoidance(
+            limits=table[near],
+            braking=math.sqrt(self._params.arm_weight) * table[~near],
+        )
 
     def distances(self, context: Context) -> tuple[Array, Array]:
         """Distances d of the pairs that count, and their rows A: d_dot = A v.

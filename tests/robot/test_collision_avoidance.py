@@ -1,5 +1,6 @@
 """Distances of the robot's links, and the QP that keeps them apart."""
 
+import math
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from pydrake.geometry import Capsule, Sphere
 
-from nadia_balance.core.whole_body.command import MAX_PAIRS
+from nadia_balance.core.whole_body.command import Avoidance
 from nadia_balance.core.whole_body.params import (
     CollisionAvoidanceParams,
     WholeBodyQpParams,
@@ -21,6 +22,7 @@ from tests.core.math.test_segments import brute_force
 
 ElementTree.register_namespace("drake", "http://drake.mit.edu")
 PARAMS = CollisionAvoidanceParams()
+MAX_PAIRS = collision_avoidance.MAX_PAIRS
 FAR = 0.4  # [m]
 
 
@@ -228,15 +230,18 @@ def test_an_arm_is_seen_from_afar_if_it_has_to_brake(link, speed, seen):
 
 
 def test_rows_are_those_of_the_law():
-    """Oracle: (d/dt + 25)^2 (d - 2 cm), by hand; from afar, too."""
+    """Oracle: (d/dt + 25)^2 (d - 2 cm), by hand; nearer than 8 cm: hard."""
     rng = np.random.default_rng(2)
     q, v = NADIA.random_positions(rng), 3.0 * rng.normal(size=29)
     vdot = rng.normal(size=29)
     distances, rows = NADIA.said(q, 0.08, v)
     avoidance = NADIA.avoidance(PARAMS).calc(NADIA.at(q, v))
     law = rows @ vdot + 50.0 * (rows @ v) + 625.0 * (distances - 0.02)
-    assert distances.min() < 0.08 < distances.max()
-    assert avoidance @ np.append(vdot, 1.0) == pytest.approx(law)
+    near = distances < 0.08
+    assert near.any() and not near.all()
+    soft, now = math.sqrt(3.0) * law[~near], np.append(vdot, 1.0)
+    assert avoidance.limits @ now == pytest.approx(law[near])
+    assert avoidance.braking @ now == pytest.approx(soft)
 
 
 def test_links_are_kept_apart():
@@ -248,7 +253,7 @@ def test_links_are_kept_apart():
     qp = WholeBodyQp(params, examples.model(), period)
     free = qp.solve(terms._replace(v=v), examples.command(terms))
     rows = np.append(towards, -PARAMS.braking(0.03, towards @ v))[None]
-    near = terms._replace(v=v, avoidance=rows)
+    near = terms._replace(v=v, avoidance=Avoidance(rows, rows[:0]))
     kept = qp.solve(near, examples.command(terms))
     least = -25.0 * (2.0 * speed + 25.0 * 0.01)
     assert kept.qp.solved and towards @ free.vdot < least

@@ -27,7 +27,6 @@ SOLES = slice(0, 6), slice(6, 12)  # left, right
 BASE = slice(12, 18)
 TORSO = slice(-6, -3)
 PELVIS = slice(-3, None)
-MAX_PAIRS = 8  # largest number of link pairs that a tick keeps apart
 _FORCES = slice(BASE.start, TORSO.start)
 # Distance of the rolling axis from the sole's edge, in sole margins: inside the
 # wrench cone, not on its boundary.
@@ -79,6 +78,19 @@ class WholeBodyModel:
         return self.posture.size
 
 
+class Avoidance(NamedTuple):
+    """Rows [A, a] (k, nv + 1) of link pairs, with A vdot + a [m/s^2].
+
+    Args:
+        limits: rows that are >= 0, as a hard limit.
+        braking: rows that are to be 0, as a soft task, scaled by the root of
+            its weight.
+    """
+
+    limits: Array
+    braking: Array
+
+
 class WholeBodyTerms(NamedTuple):
     """Kinematics and dynamics; nv = 6 + nj, v = [w_WB, v_WB, joints].
 
@@ -98,8 +110,8 @@ class WholeBodyTerms(NamedTuple):
         q: positions (7 + nj,), the joints last [rad].
         v: velocities (nv,) [rad/s, m/s].
         com_state: [p_WC, v_WC] (6,) of the centre of mass in W [m, m/s].
-        avoidance: rows [A, a] (k, nv + 1) of link pairs, k <= MAX_PAIRS, with
-            A vdot + a >= 0 [m/s^2]; None: self-collisions are ignored.
+        avoidance: rows of near or braking links; None: self-collisions are
+            ignored.
     """
 
     rows: Array
@@ -109,7 +121,7 @@ class WholeBodyTerms(NamedTuple):
     q: Array
     v: Array
     com_state: Array
-    avoidance: Array | None = None
+    avoidance: Avoidance | None = None
 
     @property
     def forces(self) -> Array:

@@ -203,10 +203,10 @@ class WholeBodyLimits:
                     command.max_normal_forces[side] / mass, least
                 )
                 row, column = end, column + 6
-        links = terms.avoidance
-        if links is not None and len(links):
-            C[row:, : terms.v.size] = links[:, :-1]
-            np.negative(links[:, -1], out=bounds[0, row:])
+        if terms.avoidance and len(terms.avoidance.limits):
+            nv, limits = terms.v.size, terms.avoidance.limits
+            C[row:, :nv] = limits[:, :-1]
+            np.negative(limits[:, -1], out=bounds[0, row:])
             bounds[1, row:] = np.inf
 
     def torque_bounds(self, speed: Array, last: Array | None) -> Array:
@@ -268,11 +268,11 @@ class WholeBodyLimits:
             The problem.
         """
         n, soft = problem.g.size, self._model.num_joints
-        pairs = 0 if terms.avoidance is None else len(terms.avoidance)
+        pairs = len(terms.avoidance.limits) if terms.avoidance else 0
         has_rate = self._model.drives is not None and last_torques is not None
         costs = self._slack_costs[: soft + 1 if has_rate else soft]
         if pairs:
-            costs = np.append(costs, np.full(pairs, _DISTANCE_SLACK))
+            costs = np.append(costs, _DISTANCE_SLACK)
         H = np.zeros((n + costs.size, n + costs.size))
         H[:n, :n] = problem.H
         H[range(n, len(H)), range(n, len(H))] = costs
@@ -280,7 +280,7 @@ class WholeBodyLimits:
         A[:, :n] = problem.A
         A[first:][self._joint_rows, n : n + soft] = np.eye(soft)
         if pairs:
-            A[-pairs:, -pairs:] = np.eye(pairs)
+            A[-pairs:, -1] = 1.0
         upper = problem.upper.copy()
         upper[first:][self._slack_rows] = np.inf
         softened = QpProblem(

@@ -64,8 +64,8 @@ class SlipParams:
 class CollisionAvoidanceParams:
     """Avoidance of self-collisions.
 
-    Links are kept `clearance` apart, as a hard limit: their distance d
-    decreases no faster than with the dynamics
+    Links closer than `attention` are kept `clearance` apart, as a hard limit:
+    their distance d decreases no faster than with the dynamics
     (d/dt + rate)^2 (d - clearance) = 0.
     """
 
@@ -77,10 +77,13 @@ class CollisionAvoidanceParams:
     )
     arm_attention: float = bounded(
         0.4,
-        doc="upper body links closer than this brake in time: late braking "
-        "saturates the arm torques and disturbs the legs",
+        doc="upper body links closer than this brake early, by a soft task: "
+        "late braking saturates the arm torques and disturbs the legs",
         above=0.0,
         unit="m",
+    )
+    arm_weight: float = bounded(
+        3.0, doc="weight of the early braking", least=0.0
     )
     clearance: float = bounded(
         0.02, doc="least distance of links", least=0.0, unit="m"

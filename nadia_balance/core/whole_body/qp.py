@@ -10,7 +10,6 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
 from nadia_balance.core.whole_body.command import (
     BASE,
-    MAX_PAIRS,
     SOLES,
     WholeBodyCommand,
     WholeBodyModel,
@@ -87,12 +86,12 @@ class WholeBodyQp:
         self._limits = WholeBodyLimits(params, model, period)
         nv = 6 + model.num_joints
         # By the number of variables: with one or two soles in contact; relaxed,
-        # with slacks of the torque rate and of link pairs, or without.
+        # with slacks of the torque rate and the distances, or without.
         soft = model.num_joints
         self._qps = {
             hard + slacks: DenseQp(hard + slacks)
             for hard in (nv + 6 + len(TILT_COSTS), nv + 12 + len(TILT_COSTS))
-            for slacks in (0, *range(soft, soft + 2 + MAX_PAIRS))
+            for slacks in (0, soft, soft + 1, soft + 2)
         }
         # The posture's PD law, and the constant costs of vdot and wrenches.
         weights = np.where(
@@ -216,7 +215,7 @@ class WholeBodyQp:
         """
         nv, num_soles = terms.v.size, sum(command.contacts)
         H, rows, bounds = self._constants[num_soles]
-        near = 0 if terms.avoidance is None else len(terms.avoidance)
+        near = len(terms.avoidance.limits) if terms.avoidance else 0
         if near:
             rows = np.concatenate((rows, np.zeros((near, len(H)))))
             bounds = np.concatenate((bounds, np.zeros((2, near))), axis=1)

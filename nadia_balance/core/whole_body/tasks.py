@@ -318,7 +318,7 @@ class WeightedTasks:
             self._tasks.append((task, np.sqrt(weight)[:, None]))
 
     def rows(self, terms: WholeBodyTerms, command: WholeBodyCommand) -> Array:
-        """The rows of this tick.
+        """The rows of this tick, braking links last.
 
         Args:
             terms: kinematics and dynamics.
@@ -348,6 +348,8 @@ class WeightedTasks:
         rows = np.concatenate(parts)
         rows[:, -1] -= np.concatenate(accelerations)
         rows *= np.concatenate(roots)
+        if terms.avoidance and len(terms.avoidance.braking):
+            return np.concatenate((rows, terms.avoidance.braking))
         return rows
 
 
