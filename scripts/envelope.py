@@ -61,7 +61,6 @@ FREE = (
     "scheduler",
     "out",
 )
-PLOTTED = ("plot_only", "beside")
 
 
 @command_line.program
@@ -80,21 +79,19 @@ def main(argv: list[str] | None = None) -> int:
         return _measure_row(parser, args, argv)
     if args.plot_only is not None:
         with parser.refusing():
-            _require_only(PLOTTED, parser, args, "--plot-only")
             rows = Rows.read(args.plot_only)
+            _require_only(("plot_only", "beside"), parser, args, "--plot-only")
             check(SearchParams.of(rows.identity))
             load_robot(rows.identity["robot"])
             scenarios = {
                 name: load_scenario(name, rows.folder / SCENARIO)
                 for name in rows.identity["scenario"].split(",")
             }
-            if args.beside is not None:
-                limits.check_beside(args.beside, rows.identity["robot"])
+            limits.check_beside(args.beside, rows.identity["robot"])
         return _report(rows, scenarios, args.beside)
     with parser.refusing():
         sweep = sweep_from(args)
-        if args.beside is not None:
-            limits.check_beside(args.beside, sweep.one.robot)
+        limits.check_beside(args.beside, sweep.one.robot)
         sweep.first = limits.first_pushes(sweep)
     args.out = args.out or Path(
         f"envelopes/{datetime.now():%Y-%m-%d_%H-%M-%S}_{args.protocol}"

@@ -429,16 +429,18 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     return first
 
 
-def check_beside(folder: Path, robot: str) -> None:
+def check_beside(folder: Path | None, robot: str) -> None:
     """Checks a sweep that another one is compared with.
 
     Args:
-        folder: of that sweep.
+        folder: of that sweep; None: there is none.
         robot: of the other one.
 
     Raises:
         ValueError: it has no limits, or those of another robot.
     """
+    if folder is None:
+        return
     known_limits(folder)
     of_robot = Rows.read(folder).identity["robot"]
     require(

@@ -189,12 +189,14 @@ class SwingFoot:
         The times [s] are those from start to end of x, y, z and yaw.
         """
         detour, goal = self.model.detour, state.schedule.footsteps[0].pose
-        end = np.zeros((3, 4))
         turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
+        end = np.zeros((3, 4))
         end[0] = *goal.p_WF, start[0, YAW] + turn
-        slow = self.params.touchdown_velocity
-        if state.mode is Mode.RECOVERING:
-            slow = self.params.recovery_touchdown_velocity
+        slow = (
+            self.params.recovery_touchdown_velocity
+            if state.mode is Mode.RECOVERING
+            else self.params.touchdown_velocity
+        )
         end[1, Z] = -slow
         height = float(start[0, 2] - end[0, 2])
         left = state.remaining_time + (_SOON if state.waiting else self.period)
@@ -279,12 +281,11 @@ class SwingFoot:
         The quintic passes the first corner of the way round the stance leg, if
         possible with at most PEAK times `max_acceleration` on the whole way.
         """
-        side = schedule.support_side
         path = self.model.detour.way_round(
             start=start[0],
             goal=schedule.footsteps[0].pose.p_WF[:2],
-            stance=schedule.feet[side],
-            swing=side.other,
+            stance=schedule.feet[schedule.support_side],
+            swing=schedule.support_side.other,
         )
         end = np.zeros((3, 2))
         end[0] = path[-1]
@@ -315,16 +316,14 @@ class SwingFoot:
         It is `landing` (3, 1) if the foot is above the apex.
         """
         schedule = state.schedule
-        height = self.params.height
-        if schedule.legs_crossed:
-            height = min(height, self.params.uncrossing_height)
+        heights = self.params.height, self.params.uncrossing_height
+        height = min(heights) if schedule.legs_crossed else heights[0]
         height *= min(1.0, (left / self.params.fall_time) ** 2)
         lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
         ground = float(landing[0, 0]) if edges is None else edges.top
-        apex = max(lift_off, ground) + height
-        if start[0, 2] >= apex:
+        via = np.array([max(lift_off, ground) + height])
+        if start[0, 2] >= via[0]:
             return landing
-        via = np.array([apex])
         return _past(start[:, Z], landing, left=left, via=via)[0]
 
 
