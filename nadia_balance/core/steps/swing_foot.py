@@ -316,8 +316,9 @@ class SwingFoot:
         It is `landing` (3, 1) if the foot is above the apex.
         """
         schedule = state.schedule
-        heights = self.params.height, self.params.uncrossing_height
-        height = min(heights) if schedule.legs_crossed else heights[0]
+        height = self.params.height
+        if schedule.legs_crossed:
+            height = min(height, self.params.uncrossing_height)
         height *= min(1.0, (left / self.params.fall_time) ** 2)
         lift_off = schedule.feet[schedule.support_side.other].p_WF[2]
         ground = float(landing[0, 0]) if edges is None else edges.top
