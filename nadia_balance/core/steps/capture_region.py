@@ -147,9 +147,6 @@ class CaptureRegionStepAdjusterParams:
     freeze_time: float = bounded(
         0.05, doc="time before touchdown without changes", least=0.0, unit="s"
     )
-    settling_time: float = bounded(
-        0.01, doc="time after lift-off without changes", least=0.0, unit="s"
-    )
     prolongation: float = bounded(
         0.3, doc="largest prolongation of a swing", least=0.0, unit="s"
     )

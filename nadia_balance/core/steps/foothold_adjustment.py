@@ -212,12 +212,11 @@ def propose_adjustment(
 ) -> Adjustment:
     """The adjustment of the step in the air for this tick.
 
-    The foothold does not change in the first `settling_time` of a swing, as
-    the measured ICP jumps when the contacts change; in the last `freeze_time`
-    only if the swing is prolonged for it.  That is for a foothold which the
-    foot cannot reach in time, if it misses the capture region by less, although
-    the ICP diverges meanwhile: a foot that is pushed outward late in its swing
-    would else land where the other one has to cross it.
+    The foothold may change from lift-off on; in the last `freeze_time` only if
+    the swing is prolonged for it.  That is for a foothold which the foot cannot
+    reach in time, if it misses the capture region by less, although the ICP
+    diverges meanwhile: a foot that is pushed outward late in its swing would
+    else land where the other one has to cross it.
     Erratum: the paper's swings are only shortened.
 
     Args:
@@ -230,8 +229,6 @@ def propose_adjustment(
         The adjustment; the one in force, if nothing changes.
     """
     current = current_adjustment(state)
-    if state.elapsed < params.settling_time:
-        return current
     target = adjust_foothold(
         current=current, landing=landing, params=params, period=period
     )
