@@ -169,6 +169,12 @@ def test_a_robot_is_scored_by_the_wheel():
         ({}, "thrown", "stage = 'thrown': must be one of held, walked"),
         ({"fidelity": "ideal"}, "held", "fidelity = 'ideal': must be real"),
         ({"robot": "nadia"}, "held", "robot = 'nadia': must have the joint l"),
+        (
+            {"pushes": [{"at": "2 s", "delta_v": 0.3}]},
+            "held",
+            "pushes = [Push(body",
+        ),
+        ({"commands": [{"forward": 0.3}]}, "held", "commands = [Command(time"),
     ],
 )
 def test_refuses_what_is_not_the_tour_s(changes, stage, message):
