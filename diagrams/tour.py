@@ -44,8 +44,6 @@ SCORED = 0.02  # period of the score, as in the benchmark [s]
 HAND_BOX = np.array([[0.0, -0.04791, -0.04303], [0.13183, 0.01865, 0.06345]])
 HEAD_BOTTOM = 0.28080  # of its mesh, above the frame of the torso [m]
 HANDS = "left_wrist_yaw_link", "right_wrist_yaw_link"
-# Fields of a scenario that the tour makes itself.
-DRAWN = "pushes", "commands"
 
 
 class Stage(NamedTuple):
@@ -104,8 +102,8 @@ def tour_scenario(scenario: Scenario, stage: str, seed: int) -> Scenario:
         stage in STAGES,
         f"stage = {stage!r}: must be one of {', '.join(STAGES)}",
     )
-    for name in DRAWN:
-        value = getattr(scenario, name)
+    makes_itself = {"pushes": scenario.pushes, "commands": scenario.commands}
+    for name, value in makes_itself.items():
         require(not value, f"{name} = {value}: must be absent, it is drawn")
     drawn = wheel()
     robot = load_robot(scenario.robot, scenario.fidelity)
