@@ -102,8 +102,8 @@ def tour_scenario(scenario: Scenario, stage: str, seed: int) -> Scenario:
         stage in STAGES,
         f"stage = {stage!r}: must be one of {', '.join(STAGES)}",
     )
-    makes_itself = {"pushes": scenario.pushes, "commands": scenario.commands}
-    for name, value in makes_itself.items():
+    replaced = {"pushes": scenario.pushes, "commands": scenario.commands}
+    for name, value in replaced.items():
         require(not value, f"{name} = {value}: must be absent, it is drawn")
     drawn = wheel()
     robot = load_robot(scenario.robot, scenario.fidelity)
