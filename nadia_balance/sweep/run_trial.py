@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent import futures
 from typing import Any, cast
 
+import dask.system
 import distributed
-from dask.system import CPU_COUNT
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from tqdm import tqdm
@@ -40,7 +40,7 @@ from nadia_balance.sweep.trials import (
 CONNECT_TIMEOUT = 5.0  # [s]
 LOOK = 0.2  # period of the checks whether to stop [s]
 MOST_WALKS = 32  # walks that a process keeps, about 10 MB each
-MOST_WORKERS = 4 * CPU_COUNT
+MOST_WORKERS = 4 * dask.system.CPU_COUNT
 
 
 @contextlib.contextmanager
@@ -60,7 +60,7 @@ def open_workers(
     Raises:
         ValueError: no worker, too many, or no such scheduler.
     """
-    dask: Any = distributed
+    untyped: Any = distributed
     if scheduler is None:
         require(
             1 <= workers <= MOST_WORKERS,
@@ -68,7 +68,9 @@ def open_workers(
             "for each core",
         )
         with (
-            dask.LocalCluster(
+            # Workers are not missed after Ctrl-Z, or the sleep of a laptop.
+            dask.config.set({"distributed.scheduler.worker-ttl": None}),
+            untyped.LocalCluster(
                 n_workers=workers,
                 host="127.0.0.1",
                 # The scheduler's pages: at any free port, 8787 may be taken.
@@ -77,15 +79,15 @@ def open_workers(
                 threads_per_worker=1,
                 silence_logs=logging.CRITICAL,
             ) as cluster,
-            dask.Client(cluster, set_as_default=False) as client,
+            untyped.Client(cluster, set_as_default=False) as client,
         ):
             client.run(os.setsid)  # Ctrl-C interrupts only this process
             yield client.get_executor(pure=False)
         return
     try:
         # Or else the Client may hang.
-        dask.comm.get_address_host_port(scheduler)
-        client = dask.Client(
+        untyped.comm.get_address_host_port(scheduler)
+        client = untyped.Client(
             scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False
         )
     except (OSError, OverflowError, ValueError) as error:

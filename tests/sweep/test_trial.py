@@ -104,9 +104,11 @@ def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     """Oracle: run_trial here.  The cluster is a real one, of this machine.
 
     It has an address, too.  A real signal ends who is first at the last trial.
+    A worker that is silent, as after the sleep of a laptop, is not dead.
     """
-    free = {"dashboard_address": "127.0.0.1:0"}  # a sweep may have Dask's own
-    cluster = functools.partial(LocalCluster, scheduler_kwargs=free)
+    cluster = functools.partial(  # a sweep may have Dask's own port
+        LocalCluster, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}
+    )
     monkeypatch.setattr(run_trial.distributed, "LocalCluster", cluster)
     sweep, cell = stepping_sweep(2.0), cell_to(120.0)
     trials = (sweep, cell, 0.4, 1), (sweep, cell, 2.5, 0)
@@ -114,6 +116,7 @@ def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     expected = [make(*trial) for trial in trials]
     with run_trial.open_workers(1) as executor:
         address = executor._client.scheduler.address
+        assert executor._client.cluster.scheduler.worker_ttl is None
         with run_trial.open_workers(1, address) as remote:
             futures = [remote.submit(make, *trial) for trial in trials]
             rows = [future.result(PATIENCE) for future in futures]
