@@ -108,7 +108,6 @@ class AtlasIcpPlan(IcpPlan):
     """
 
     moves: Array = field(kw_only=True)
-    FOLLOWS_STEPS = True
 
     def moves_of(self, state: WalkingState) -> Array:
         """Gamma_i = d(ICP, eCMP) / d(foothold i) (Eq. 18).

@@ -6,7 +6,6 @@ from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
-from typing import ClassVar
 
 import numpy as np
 
@@ -195,9 +194,10 @@ class IcpPlan(Immutable):
     `duration` [s] is that of the present phase (infinite when standing).  N
     segments with linear eCMPs meet at the times `knots` (N + 1,) [s] since the
     phase began.  `cop_waypoints` (N + 1, 2) [m] are the desired CoPs there,
-    `coefficients` (N, 6, 2) those of Eq. 4, and `stance` what places the
-    CoPs.  `offset` (2,) [m] is the part of the initial ICP that no eCMP within
-    the support brings to the end of the plan: it fades by e^-wt.
+    `coefficients` (N, 6, 2) those of Eq. 4.  `offset` (2,) [m] is the part of
+    the initial ICP that no eCMP within the support brings to the end of the
+    plan: it fades by e^-wt.  `stance` is what places the CoPs; None: the start
+    of the plan stays, whatever its steps.
     """
 
     omega: float
@@ -207,7 +207,6 @@ class IcpPlan(Immutable):
     coefficients: Array
     offset: Array = field(default_factory=lambda: np.zeros(2))
     stance: Stance | None = field(default=None, repr=False)
-    FOLLOWS_STEPS: ClassVar[bool] = False  # by itself, from the same start
 
     def __post_init__(self) -> None:
         for array in (
@@ -295,7 +294,6 @@ class IcpPlan(Immutable):
         steps: tuple[Footstep, ...],
         t: float,
         icp: Array,
-        model: PointMassModel,
     ) -> ContactSchedule:
         """The reference ICP moves by part of Gamma dr (Atlas paper, Eq. 18).
 
@@ -309,26 +307,24 @@ class IcpPlan(Immutable):
             steps: footsteps in the place of its own.
             t: time since the phase began [s].
             icp: measured ICP (2,) in W [m].
-            model: soles and natural frequency.
 
         Returns:
             The schedule with other `steps`, which starts at `t`.
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
-        if self.FOLLOWS_STEPS:
+        if self.stance is None:
             return new
-        stance = self.stance or Stance(IcpPlanParams(), model.cop_area)
-        path = cop_waypoints(schedule, stance)
-        new_path = cop_waypoints(new, stance)
-        Gamma = recursive_multipliers(path.knots, t, model.omega)
+        path = cop_waypoints(schedule, self.stance)
+        new_path = cop_waypoints(new, self.stance)
+        Gamma = recursive_multipliers(path.knots, t, self.omega)
         before = Gamma @ path.points
         if not np.array_equal(new_path.knots, path.knots):
-            Gamma = recursive_multipliers(new_path.knots, t, model.omega)
+            Gamma = recursive_multipliers(new_path.knots, t, self.omega)
         shift = Gamma @ new_path.points - before
         length2 = float(shift @ shift)
         along = float((icp - now.icp) @ shift)
         part = min(max(along, 0.0), length2) / max(length2, _TINY)
-        velocity = now.com_velocity + model.omega * part * shift
+        velocity = now.com_velocity + self.omega * part * shift
         return replace(
             new, start=ReferencePoint(now.com, velocity, now.cop), start_time=t
         )

@@ -246,11 +246,7 @@ class StateMachine:
             return replace(
                 state,
                 schedule=plan.moved(
-                    schedule,
-                    steps,
-                    t=state.time_in_phase,
-                    icp=icp,
-                    model=self.model,
+                    schedule, steps, t=state.time_in_phase, icp=icp
                 ),
                 adjustment=None,
             )
@@ -367,11 +363,7 @@ class StateMachine:
                 steps[i] = replace(steps[i], pose=new.pose)
         if tuple(steps) != schedule.footsteps:
             schedule = plan.moved(
-                schedule,
-                tuple(steps),
-                t=state.time_in_phase,
-                icp=icp,
-                model=self.model,
+                schedule, tuple(steps), t=state.time_in_phase, icp=icp
             )
         elif adjustment == state.adjustment:
             return state

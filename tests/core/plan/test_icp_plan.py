@@ -213,7 +213,7 @@ def random_re_plans(seed):
                     continue
                 steps = aimed(schedule, random.uniform(-0.3, 0.3, 2))
                 icp = plan.at(now).icp + random.uniform(-0.1, 0.1, 2)
-                new = plan.moved(schedule, steps, now, icp, MODEL)
+                new = plan.moved(schedule, steps, now, icp)
                 yield schedule, plan, now, icp, new, now
                 schedule, plan = new, plan_of(new)
             landed = aimed(schedule, random.uniform(-0.03, 0.03, 2))
@@ -263,7 +263,7 @@ def test_a_moved_foothold_takes_up_the_error_towards_it():
     normal = np.array([-move[1], move[0]])
     for ahead, part in (-1.0, 0.0), (0.5, 0.5), (2.0, 1.0):
         icp = was + ahead * move + 0.7 * normal
-        moved = plan_of(plan.moved(schedule, new, t, icp, MODEL))
+        moved = plan_of(plan.moved(schedule, new, t, icp))
         assert moved.at(t).icp == pytest.approx(was + part * move, abs=1e-6)
 
 

@@ -38,7 +38,7 @@ PARAMS = WalkingStateMachineParams()
 class FakePlan:
     """Its ICP rests over the origin; its CoM says when it was asked for."""
 
-    def moved(self, schedule, steps, t, icp, model):
+    def moved(self, schedule, steps, t, icp):
         return replace(schedule, footsteps=steps, start_time=t)
 
     def at(self, t):
