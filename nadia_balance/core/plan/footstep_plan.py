@@ -753,18 +753,17 @@ class FootstepPlan:
         self, pose: FootPose, stance: FootPose, side: Side
     ) -> FootPose | None:
         """Returns the `pose`, within the base region, on the ground."""
-        reach, base = self.model.reach, base_region(self.model.reach)
-        mirror = np.array([1.0, side.sign])
+        reach, mirror = self.model.reach, np.array([1.0, side.sign])
         p_F = mirror * stance.to_sole(pose.p_WF[:2])
         if not reach.in_base_region(*p_F):
-            xy = stance.to_world(mirror * project(p_F, base))
+            xy = stance.to_world(mirror * project(p_F, base_region(reach)))
             pose = replace(pose, p_WF=np.append(xy, pose.p_WF[2]))
         if self.model.ground is None:
             return pose
         step = moved_to(
             self.model.ground,
             Footstep(side, pose, 0.0, 0.0),
-            within=[in_world(base, stance, side)],
+            within=[in_world(base_region(reach), stance, side)],
             height=float(stance.p_WF[2]),
             rise=reach.rise_max,
         )
