@@ -104,7 +104,8 @@ def test_workers_give_the_rows_of_this_process_even_if_one_dies(monkeypatch):
     """Oracle: run_trial here.  The cluster is a real one, of this machine.
 
     It has an address, too.  A real signal ends who is first at the last trial.
-    A worker that is silent, as after the sleep of a laptop, is not dead.
+    One that is silent, as after the sleep of a laptop, is not dead: by Dask's
+    own setting.
     """
     cluster = functools.partial(  # a sweep may have Dask's own port
         LocalCluster, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}

@@ -309,7 +309,8 @@ class IcpPlan(Immutable):
             icp: measured ICP (2,) in W [m].
 
         Returns:
-            The schedule with other `steps`, which starts at `t`.
+            The schedule with other `steps`, which starts at `t`; without a
+            `stance`, at its own start.
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
         if self.stance is None:
