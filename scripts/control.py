@@ -64,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
         if interrupted():
             return command_line.INTERRUPTED
     counts = process.counts
-    is_up = counts.ticks and not counts.falls and not counts.silences
+    is_up = delays.balanced and not counts.falls and not counts.silences
     return command_line.DONE if is_up else command_line.FAILED
 
 
@@ -72,8 +72,8 @@ def _parser() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         __file__,
         __doc__,
-        "0 it stood until --duration, 1 it fell, or was silent, 2 bad input, "
-        "130 Ctrl-C or SIGTERM.",
+        "0 it stood until --duration, 1 it fell, was silent, or was let go, "
+        "2 bad input, 130 Ctrl-C or SIGTERM.",
     )
     wire_flags(parser)
     parser.add_argument(

@@ -147,6 +147,7 @@ def _serving(args: argparse.Namespace) -> Serving:
         robot_wire(args.wire, robot, args.interface, args.domain),
         damping=damping(np.zeros(len(joint_names(robot))), limits),
         faults=faults,
+        seed=args.seed,
         pushes=args.push or [],
         sticks=args.sticks,
         slower=args.lockstep,

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import select
 import sys
 import termios
@@ -20,6 +21,8 @@ _MOVES = {
     for key, sign in zip(keys, (-1.0, 1.0), strict=True)
 }
 _HALT = HALT_KEY.removeprefix("Key").lower()
+# What a terminal sends for arrows and function keys ends with a letter.
+_ESCAPES = re.compile(r"\x1b(\[[0-9;]*[A-Za-z~]|O[A-Z]|.)?", re.DOTALL)
 HELP = "W S forward, A D turn, Q E sideways, X stop walking"
 
 
@@ -39,7 +42,8 @@ def pressed_keys() -> Iterator[Callable[[], str]]:
 
     def keys() -> str:
         ready, _, _ = select.select([terminal], [], [], 0.0)
-        return os.read(terminal, 64).decode(errors="ignore") if ready else ""
+        pressed = os.read(terminal, 64) if ready else b""
+        return _ESCAPES.sub("", pressed.decode(errors="ignore"))
 
     try:
         yield keys
@@ -66,8 +70,8 @@ def commanded(velocity: Array, keys: str, limits: Array) -> Array:
         elif key in _MOVES:
             i, sign = _MOVES[key]
             step = slider_step(min(-least[i], greatest[i]))
-            velocity[i] = np.clip(
-                velocity[i] + sign * step, least[i], greatest[i]
-            )
-    velocity[np.abs(velocity) < 1e-9] = 0.0  # what steps leave
+            # Whole steps, so that as many back lead to 0.
+            steps = round(velocity[i] / step) + sign
+            if least[i] - 1e-9 <= steps * step <= greatest[i] + 1e-9:
+                velocity[i] = steps * step
     return velocity

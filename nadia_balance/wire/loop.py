@@ -13,7 +13,7 @@ DRIFT = 5e-4  # by which the clocks of robot and controller may differ [-]
 
 @dataclass
 class Delays:
-    """How late the answers were, by the fastest one.
+    """How late the answers were, by the fastest one, and how the loop ended.
 
     An answer is late if it leaves more than a control period after the fastest
     answer would have: what waited in a queue counts.  The fastest one is
@@ -27,6 +27,7 @@ class Delays:
     answers: int = 0
     late: int = 0
     longest: float = 0.0  # [s]
+    balanced: bool = False  # at the end of the loop
     _least: float = float("inf")
     _last: float = 0.0  # wall time of the last answer [s]
 
@@ -89,7 +90,7 @@ def run(
             on a machine, and a controller that is SILENCE behind lets go.
 
     Returns:
-        How late it was while it balanced.
+        How late it was while it balanced, and whether it did at the end.
     """
     delays, heard = Delays(process.period), time.monotonic()
     silence = slower * SILENCE
@@ -102,21 +103,24 @@ def run(
                 process.refuse(str(error))
             now = time.monotonic()
             if state is not None:
-                heard, command = now, process.hear(state)
+                command = process.hear(state)
+            if command is not None:
+                heard = now
             elif now >= heard + silence:
                 heard, command = now, process.silent()
             _write(wire, command)
-            if state is not None and process.phase is Phase.BALANCE:
+            if state and command and process.phase is Phase.BALANCE:
                 behind = delays.add(time.monotonic(), state.time)
                 _write(wire, process.finish())
                 if behind > SILENCE and slower == 1.0:
                     late = f"{1e3 * behind:.0f} ms behind the robot"
                     _write(wire, process.stop(late))
-            else:
+            elif command:
                 delays.restart()
             if wire.rivals() and process.phase is not Phase.DAMPING:
                 _write(wire, process.stop("another controller commands it"))
     finally:
+        delays.balanced = process.phase is Phase.BALANCE
         if process.counts.samples:
             wire.write(process.stop("stopped"))
     return delays

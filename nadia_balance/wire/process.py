@@ -20,6 +20,7 @@ from nadia_balance.view.live_controls import stick_command
 from nadia_balance.wire.messages import JointCommand, RobotState, fault_of
 
 SILENCE = 0.05  # without a sample, after which the robot is damped [s]
+REMOTE = "its remote control"  # why it is damped
 DAMPING_TIME = 0.03  # damping of a joint over its largest torque [s/rad]
 
 
@@ -263,16 +264,18 @@ class RobotProcess:
             state: as a wire has read it.
 
         Returns:
-            The command until the next one; None if the sample is not used.
+            The command until the next one; None if the sample is not used,
+            unless it halts the robot.
         """
         fault = fault_of(state, len(self._standing))
+        gap = state.time - self._last.time if self._last else 0.0
+        is_late = self._last is not None and -SILENCE <= gap <= 0.0
         if fault:
             self.refuse(fault)
-            return None
-        gap = state.time - self._last.time if self._last else 0.0
-        if self._last and -SILENCE <= gap <= 0.0:
+        elif is_late:
             self._hear_late(state.time)
-            return None
+        if fault or is_late:
+            return self.stop(REMOTE) if state.halt else None
         self.counts.samples += 1
         self._time = state.time
         if gap < 0.0:
@@ -325,7 +328,7 @@ class RobotProcess:
     def _advance(self, sample: RobotState) -> None:
         """Sets the command by the phase, and the phase by the sample."""
         if sample.halt:
-            self.stop("its remote control")
+            self.stop(REMOTE)
         if self.phase is Phase.BALANCE:
             self._keep_balance(sample)
         elif self.phase is Phase.LOAD:

@@ -183,6 +183,7 @@ class Serving:
         wire: its end.
         damping: command that lets it go.
         faults: of the bus.
+        seed: of their chance.
         pushes: when, after it stands alone [s], how strong [m/s], and in which
             direction [deg].
         sticks: those of its remote control (3,).
@@ -195,13 +196,14 @@ class Serving:
     wire: RobotWire
     damping: JointCommand
     faults: BusFaults = field(default_factory=BusFaults)
+    seed: int = 0
     pushes: list[tuple[float, float, float]] = field(default_factory=list)
     sticks: tuple[float, ...] = (0.0, 0.0, 0.0)
     slower: float = 1.0
     tell: Callable[[str], None] = lambda line: None
 
     def __post_init__(self) -> None:
-        self.bus = Bus(self.faults)
+        self.bus = Bus(self.faults, self.seed)
         self.listener = Listener(
             len(self.damping.q), self.damping, self._tell_now
         )

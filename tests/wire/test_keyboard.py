@@ -4,7 +4,7 @@ import numpy as np
 
 from nadia_balance.wire import keyboard
 
-LIMITS = np.array([[-0.2, -0.14, -0.5], [0.4, 0.14, 0.5]])
+LIMITS = np.array([[-0.2, -0.14, -0.5], [0.42, 0.14, 0.5]])
 
 
 def test_each_key_moves_one_command_by_a_step():
@@ -14,7 +14,8 @@ def test_each_key_moves_one_command_by_a_step():
         ("ss", [-0.1, 0.0, 0.0]),
         ("Qa?", [0.0, 0.02, 0.1]),
         ("ed", [0.0, -0.02, -0.1]),
-        ("wwwwwwwwwwwww", [0.4, 0.0, 0.0]),
+        ("wwwwwwwwwwwww", [0.4, 0.0, 0.0]),  # 0.42 is no whole step
+        ("wwwwwwwwwssssssss", [0.0, 0.0, 0.0]),
         ("wwax", [0.0, 0.0, 0.0]),
         ("wwsas", [0.0, 0.0, 0.1]),
     ):
@@ -45,6 +46,9 @@ def test_keys_of_a_terminal_come_one_by_one(monkeypatch):
             os.write(ours, b"wa")
             assert keys() == "wa"
             assert keys() == ""
+            # Arrows, F1, Delete and Escape are no letters.
+            os.write(ours, b"\x1b[Bd\x1b[1;5Aq\x1bOP\x1b[3~\x1b")
+            assert keys() == "dq"
     assert termios.tcgetattr(theirs) == before
     os.close(ours)
     os.close(theirs)

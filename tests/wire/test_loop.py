@@ -1,5 +1,7 @@
 """The loop on a wire that is a script, and a clock that is that wire's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,7 @@ def test_answers_each_sample_and_lets_go_at_the_end(monkeypatch):
     wire, process, delays, _ = ran(monkeypatch, samples(1500))
     assert len(wire.sent) == 1501
     assert process.counts.ticks > 100
+    assert delays.balanced
     assert process.phase is Phase.DAMPING
     assert not wire.sent[-1].tau.any()
     assert (delays.late, delays.longest) == (0, pytest.approx(0.0, abs=1e-9))
@@ -86,6 +89,27 @@ def test_a_silent_wire_lets_go_though_there_is_noise_on_it(monkeypatch):
     assert process.counts.refused == 6
     assert "refused: crc = 1" in " ".join(lines)
     assert lines[-1].endswith("damping: the robot is silent")
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        state(3.002, q=np.full(len(STANDING), np.nan)),  # not finite
+        state(3.0),  # a clock that stands still
+    ],
+)
+def test_samples_that_are_not_used_are_a_silence(monkeypatch, bad):
+    """Oracle: 50 ms after the last good one; halted, at once."""
+    script = [*samples(1500), *[(bad, DT)] * 40]
+    wire, process, delays, lines = ran(monkeypatch, script)
+    assert process.counts.silences == 1
+    assert lines[-1].endswith("damping: the robot is silent")
+    assert not wire.sent[-1].kp.any()
+    assert not delays.balanced
+    script = [*samples(1500), (replace(bad, halt=True), DT), *[(bad, DT)] * 5]
+    wire, process, _, lines = ran(monkeypatch, script)
+    assert lines[-1].endswith("damping: its remote control")
+    assert process.counts.silences == 0
 
 
 def test_a_robot_in_lock_step_may_be_slow(monkeypatch):
