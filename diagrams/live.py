@@ -22,6 +22,7 @@ from nadia_balance.parameters.yaml_reader import told
 from nadia_balance.results.live_watches import (
     FallWatch,
     VelocityWatch,
+    clipped_words,
     velocity_lines,
 )
 from nadia_balance.results.story import LiveStory, moment_words
@@ -86,6 +87,7 @@ class LiveSession:
         self._controls = cast(
             LiveControls, diagram.GetSubsystemByName(CONTROLS)
         )
+        self._limits = diagram.velocity_limits
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
@@ -130,6 +132,8 @@ class LiveSession:
             f"t = {self.context.get_time():.2f} s, {mode}{during}",
             *velocity_lines(self._commanded, self._walked),
         ]
+        if too_much := clipped_words(self._commanded, self._limits):
+            lines.append(too_much)
         if self._error is not None:
             lines.append(f"ICP error {self._error:.3f} m")
         if self._story.last_push:

@@ -8,11 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.footstep_plan import within_limits
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import LONGEST, until_ctrl_c
 from nadia_balance.parameters.bounds import check_number
 from nadia_balance.results.live_watches import clipped_words
+from nadia_balance.results.story import command_words
 from nadia_balance.scripts import command_line
 from nadia_balance.wire import keyboard, loop
 from nadia_balance.wire.balance import process_of
@@ -48,7 +50,10 @@ def main(argv: list[str] | None = None) -> int:
         keyboard.pressed_keys() as keys,
         until_ctrl_c() as interrupted,
     ):
-        command_line.say(f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end")
+        command_line.say(
+            f"waits for the robot on {place_words(args)}",
+            f"{keyboard.HELP}, B let go, R stand up, Ctrl-C end",
+        )
         delays = loop.run(
             wire,
             process,
@@ -150,6 +155,18 @@ def check_wire_flags(args: argparse.Namespace) -> None:
         )
 
 
+def place_words(args: argparse.Namespace) -> str:
+    """Says on which wire the other end has to be.
+
+    Args:
+        args: those of `wire_flags`.
+
+    Returns:
+        Such as `lcm, interface lo, domain 1`.
+    """
+    return f"{args.wire}, interface {args.interface}, domain {args.domain}"
+
+
 def _until(
     process: RobotProcess,
     args: argparse.Namespace,
@@ -159,6 +176,10 @@ def _until(
     """What the loop asks after each sample: whether it goes on."""
     began: list[float] = []  # the robot's time of the first sample [s]
 
+    def tell(asked: Array) -> None:
+        words = clipped_words(asked, process.velocity_limits)
+        command_line.say(", ".join(filter(None, (command_words(asked), words))))
+
     def each() -> bool:
         pressed = keys().lower()
         if LET_GO in pressed:
@@ -166,15 +187,15 @@ def _until(
         if STAND in pressed:
             process.start()
         if process.phase is Phase.BALANCE:
+            limits = process.velocity_limits
             if args.command is not None:
-                asked, limits = np.array(args.command), process.velocity_limits
+                asked, args.command = np.array(args.command), None
+                tell(asked)
                 process.velocity = within_limits(asked, limits)
-                if words := clipped_words(asked, limits):
-                    command_line.say(f"commanded {words}")
-                args.command = None
-            process.velocity = keyboard.commanded(
-                process.velocity, pressed, process.velocity_limits
-            )
+            asked = keyboard.commanded(process.velocity, pressed, limits)
+            if (asked != process.velocity).any():
+                tell(asked)
+            process.velocity = asked
         if process.counts.samples and not began:
             began.append(process.time)
         is_over = (

@@ -114,8 +114,8 @@ def parser_of() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         __file__,
         __doc__,
-        "0 done, 1 the workers failed, 2 bad input, 3 undecided (too short "
-        "runs), 4 cannot write, 130 Ctrl-C.",
+        "0 done, 1 workers or a block failed, 2 bad input, 3 undecided (too "
+        "short runs), 4 cannot write, 130 Ctrl-C.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _sweep_flags(parser)
@@ -231,7 +231,8 @@ def carry_out(
         part: folder in --out, of one of several sweeps.
 
     Returns:
-        The exit code: that of `report` if the sweep is complete.
+        The exit code: that of `report` if the sweep is complete, and no trial
+        ended by an error, which is a block's, not the robot's.
     """
     with contextlib.ExitStack() as stack:
         with parser.refusing():
@@ -266,6 +267,18 @@ def carry_out(
             command_line.say(
                 f"the same flags and --out {args.out} go on from here"
             )
+        errors = [
+            row["reason"] for row in rows.all if row["outcome"] == "error"
+        ]
+        if errors:
+            command_line.complain(
+                parser.prog,
+                ValueError(
+                    f"{len(errors)} of {len(rows.all)} trials ended by an "
+                    f"error of a block: {errors[0]}"
+                ),
+            )
+            code = code or command_line.FAILED
         return code or reported
 
 

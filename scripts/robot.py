@@ -13,7 +13,11 @@ from nadia_balance.parameters.bounds import check, check_number
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
-from nadia_balance.scripts.control import check_wire_flags, wire_flags
+from nadia_balance.scripts.control import (
+    check_wire_flags,
+    place_words,
+    wire_flags,
+)
 from nadia_balance.wire.kinds import joint_names, robot_wire
 from nadia_balance.wire.process import damping
 from nadia_balance.wire.serve import BusFaults, Serving
@@ -41,6 +45,7 @@ def main(argv: list[str] | None = None) -> int:
     with parser.refusing():
         serving = _serving(args)
     robot = serving.robot
+    command_line.say(f"waits for a controller on {place_words(args)}")
     with until_ctrl_c() as interrupted:
         while not interrupted() and (
             args.duration is None or robot.time < args.duration

@@ -257,7 +257,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = command_line.CommandLine(
         __file__,
         __doc__,
-        "0 done, 1 the workers failed, 2 bad input, 4 cannot write, "
+        "0 done, 1 workers or a block failed, 2 bad input, 4 cannot write, "
         "130 Ctrl-C.",
     )
     _push_flags(parser)

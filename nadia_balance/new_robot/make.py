@@ -41,6 +41,7 @@ _TURN = 6.3  # largest angle of a leg's joint [rad]
 _SMALL_MASS = 0.02  # of links without one [kg]
 # Mass over the cubed length of the legs, of any humanoid [kg/m^3].
 _DENSITY = np.array([20.0, 2000.0])
+_TYPES = "revolute", "continuous", "prismatic"  # of joints that are read
 _UNLIKE = 0.2  # share of their mean by which left and right may differ [-]
 # Largest moment of inertia over mass times the square of the farthest point of
 # a shape [-].
@@ -115,20 +116,22 @@ def _clean(
 ) -> list[Leg]:
     """Welds joints that are not driven, adds masses; returns the legs."""
     robot.weld(dict.fromkeys(_fixed(robot, fix, notes)))
+    while ends := _undriven_ends(robot):
+        for joint in ends:
+            _weld_undriven(robot, joint, notes)
     base = robot.root
     legs = two_legs(robot, named)
     of_legs = {name for leg in legs for name in leg.joints}
     for joint in list(robot.joints.values()):
         require(
-            joint.type in ("revolute", "continuous", "prismatic"),
+            joint.type in _TYPES,
             f"joint {joint.name}: {joint.type}: must be revolute or prismatic",
         )
         reason = _undriven(joint)
         if joint.name in of_legs:
             _check_of_leg(joint, reason)
         if reason:
-            notes.add("changed", f"welded, {reason}", joint.name)
-            robot.weld([joint.name])
+            _weld_undriven(robot, joint, notes)
         elif joint.type == "continuous":
             notes.add("changed", "turn by +-pi, not for ever", joint.name)
     if robot.root != base:
@@ -157,6 +160,26 @@ def _fixed(robot: Description, fix: Sequence[str], notes: Notes) -> list[str]:
         notes.add("changed", "welded as asked", *names)
         fixed += names
     return fixed
+
+
+def _undriven_ends(robot: Description) -> list[Joint]:
+    """Joints without a drive at the end of a branch, such as a rod's.
+
+    Their links have other branches, which remain; so no leg loses its foot.
+    """
+    return [
+        joint
+        for joint in robot.joints.values()
+        if joint.type in _TYPES
+        and _undriven(joint)
+        and not robot.children(joint.child)
+        and len(robot.children(joint.parent)) > 1
+    ]
+
+
+def _weld_undriven(robot: Description, joint: Joint, notes: Notes) -> None:
+    notes.add("changed", f"welded, {_undriven(joint)}", joint.name)
+    robot.weld([joint.name])
 
 
 def _undriven(joint: Joint) -> str:

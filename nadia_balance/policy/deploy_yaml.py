@@ -68,6 +68,15 @@ def params_tree(
     numbers = _numbers(deploy, motors)
     joints = [motors[i] for i in numbers]
     action = _child(deploy, _ACTION)
+    for name in _child(deploy, "actions"):
+        _require_one_of(f"actions.{name}", name, [_ACTION.split(".")[1]])
+    names = action.get("joint_names")
+    require(
+        names in (None, [".*"], joints),
+        f"{_ACTION}.joint_names = {names}: must be ['.*'], or all joints in "
+        "their order",
+    )
+    check_types(float, deploy.get("step_dt"), "step_dt")
     offset, limits = action.get("offset"), action.get("clip")
     require(
         action.get("joint_ids") in (None, [*range(len(joints))]),
@@ -83,15 +92,18 @@ def params_tree(
         ),
         "action_scale": _as_list(action.get("scale")),
         "target_limits": [] if limits is None else limits,
-        "period": deploy.get("step_dt"),
+        "period": deploy["step_dt"],
         **_observation(deploy),
     }
     for name in ("stiffness", "damping"):
         gains = _values(deploy, name, max(numbers) + 1, "one for each motor")
         tree[name] = [gains[i] for i in numbers]
     if "velocity_commands" in deploy["observations"]:
-        ranges = _child(deploy, "commands.base_velocity.ranges")
-        tree["command_limits"] = [ranges.get(name) for name in _RANGES]
+        ranges = "commands.base_velocity.ranges"
+        tree["command_limits"] = [
+            _values(deploy, f"{ranges}.{name}", 2, "the least and the most")
+            for name in _RANGES
+        ]
     return tree
 
 
@@ -168,9 +180,9 @@ def _observation(deploy: Mapping[str, Any]) -> dict[str, Any]:
         f"{', '.join(clipped)} has",
     )
     if "gait_phase" in terms:
-        tree["stride"] = _params("gait_phase", terms["gait_phase"]).get(
-            "period"
-        )
+        stride = _params("gait_phase", terms["gait_phase"]).get("period")
+        check_types(float, stride, "observations.gait_phase.params.period")
+        tree["stride"] = stride
     return tree
 
 
@@ -193,6 +205,7 @@ def _term(name: str, term: Mapping[str, Any]) -> dict[str, Any]:
         _require_one_of(f"{path}.params.{key}", key, _TERM_PARAMS)
     history = term.get("history_length", 1)
     check_types(int, history, f"{path}.history_length")
+    history = int(float(history))
     require(history >= 1, f"{path}.history_length = {history}: must be >= 1")
     scale, clip = term.get("scale"), term.get("clip")
     return {

@@ -9,8 +9,6 @@ import termios
 import tty
 from collections.abc import Callable, Iterator
 
-import numpy as np
-
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.view.live_controls import COMMANDS, HALT_KEY, slider_step
 

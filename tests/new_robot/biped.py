@@ -45,6 +45,7 @@ class Biped:
     # Rows: forward, left, up in the base's axes; None: as they should be.
     base_axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     turned: bool = True  # the frames of the links
+    rods: bool = False  # on each shin, which follow the ankle
     seed: int = 0
 
     def write(self, folder: Path) -> Path:
@@ -131,6 +132,10 @@ class Biped:
             if link == "foot":
                 file = f"package://biped_description/meshes/{n}_foot.stl"
                 _show(element, "mesh", filename=file)
+        if self.rods:
+            self._link(f"{n}_rod", 0.2, (0.0, 0.0, 0.1), 0.01)
+            rod = self._joint(f"{n}_rod", f"{n}_shin", f"{n}_rod", below[1], Y)
+            SubElement(rod, "mimic", joint=f"{n}_ankle")
 
     def _frame(self, link: str) -> Rotation:
         """From the link's axes to forward, left, up."""

@@ -257,14 +257,28 @@ def test_says_what_it_mends(tmp_path):
         "moments of inertia of 0, now of a box: chest",
         "moments of inertia that no body has, made possible: l_shin",
         "welded as asked: r_swing",
-        "turn by +-pi, not for ever: waist",
-        "welded, no effort limit: bow",
         "welded, mimic: l_grip, r_grip",
         "welded, prismatic: l_slide, r_slide",
+        "turn by +-pi, not for ever: waist",
+        "welded, no effort limit: bow",
     ]
     robot = load_robot(str(tmp_path / "made" / "robot.yaml"))
     joints = robot.control_plant().num_velocities() - 6
     assert joints == 2 * 6 + len(["waist", "l_swing"])
+
+
+def test_rods_beside_a_leg_are_parts_of_it(tmp_path):
+    """Oracle: the shin's mass with and without."""
+    masses = []
+    for rods in (False, True):
+        folder = tmp_path / str(rods)
+        folder.mkdir()
+        file = Biped(turned=False, rods=rods).write(folder)
+        notes = make_once(file, folder / "made")
+        assert ("l_rod, r_rod" in str(notes.of("changed"))) is rods
+        plant = load_robot(str(folder / "made" / "robot.yaml")).control_plant()
+        masses.append(plant.GetBodyByName("l_shin").default_mass())
+    assert masses[1] - masses[0] == pytest.approx(0.2)
 
 
 def test_names_of_the_user_come_first(tmp_path):

@@ -166,7 +166,11 @@ ACTION = "actions.JointPositionAction"
         (f"{TERM}.scale", [1.0] * 28, "observation[3].scale = 28 values: must"),
         (f"{TERM}.noise", 0.1, f"{TERM}.noise: unknown field, must be one of"),
         (f"{TERM}.params", 5, f"{TERM}.params = 5: must be a mapping"),
-        ("observations.gait_phase", {"params": None}, "stride = None: must"),
+        (
+            "observations.gait_phase",
+            {"params": None},
+            "gait_phase.params.period = None",
+        ),
         (f"{TERM}.params", {"ids": 1}, f"{TERM}.params.ids: unknown field"),
         (
             "observations.height_scan",
@@ -176,7 +180,19 @@ ACTION = "actions.JointPositionAction"
         ("actions", {}, f"{ACTION} = None: must be a mapping"),
         (f"{ACTION}.joint_ids", [0], f"{ACTION}.joint_ids: must be null, or"),
         ("step_dt", 0.0, "period = 0.0: must be"),
-        ("step_dt", "soon", "period = 'soon': must be a number"),
+        ("step_dt", "soon", "step_dt = 'soon': must be a number"),
+        ("step_dt", None, "step_dt = None: must be a number"),
+        (f"{ACTION}.joint_names", ["left_.*"], ".joint_names = ['left_.*']:"),
+        (
+            "actions.JointVelocityAction",
+            {},
+            "Action: unknown field, must be on",
+        ),
+        (
+            "commands.base_velocity.ranges.lin_vel_y",
+            None,
+            "base_velocity.ranges.lin_vel_y = None: must be a list",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, path, value, message):

@@ -114,6 +114,7 @@ def test_the_robot_waits_by_default_where_nothing_leaves_the_machine(
 def test_waits_for_a_robot_until_ctrl_c():
     """Oracle: the exit code; nobody has been commanded."""
     waiting = program("control", "--domain", DOMAIN + 60)
+    assert waiting.stdout.readline().startswith("waits for the robot on lcm,")
     assert "Ctrl-C end" in waiting.stdout.readline()
     waiting.send_signal(signal.SIGINT)
     outcome = ended(waiting)

@@ -54,6 +54,11 @@ class Bare(LeafSystem):
     pass
 
 
+class Breaks(ErrorStepAdjuster):
+    def calc(self, context, output):
+        raise KeyError("no such foot")
+
+
 class Exit(LeafSystem):
     def __init__(self):
         raise SystemExit(3)
@@ -166,6 +171,16 @@ def test_each_worker_makes_its_own(here):
     with pytest.raises(ValueError, match=r"^'__main__:Local': must be module"):
         nb.envelope(here / "no", blocks={"step_adjuster": Local}, **call)
     assert not (here / "no").exists()
+
+
+def test_a_block_that_breaks_is_no_fall(here, capsys, monkeypatch):
+    """Oracle: exit code 1, and Python's own words of its error."""
+    monkeypatch.setattr(envelope.run_trial, "open_workers", workers_here)
+    more = "--mechanisms", "step", "--block", "step_adjuster=mine:Breaks"
+    outcome = run_script(envelope, [*FORWARD, *more, "--out", "out"], capsys)
+    assert outcome.code == 1
+    (line,) = (line for line in outcome.err if "error of a block" in line)
+    assert "no such foot" in line
 
 
 def test_a_worker_that_cannot_make_it_says_so(here):
