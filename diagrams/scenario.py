@@ -318,21 +318,25 @@ class Scenario:
         return self.changed(pushes=[first, *others])
 
     def standing(self) -> Self:
-        """Returns this scenario without steps and commands.
+        """Returns this scenario without steps.
 
+        It stands as wide as the robot does, or it would step to that width.
         Its first push, if it has one, is at STANDING_AT.
 
         Returns:
             Another scenario, checked.
+
+        Raises:
+            ValueError: it has commands.
         """
+        require(
+            not self.commands,
+            f"at = {STANDING}: must come without a command to walk",
+        )
         pushes = copy.deepcopy(self.pushes)
         for push in pushes[:1]:
             push.at = STANDING_AT
-        return self.changed(
-            gait=Gait(step_width=self.gait.step_width),
-            commands=[],
-            pushes=pushes,
-        )
+        return self.changed(gait=Gait(), pushes=pushes)
 
     def walking_by(self, command: Command) -> Self:
         """Returns this scenario with one command in the place of all steps.
