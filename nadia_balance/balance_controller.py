@@ -305,31 +305,30 @@ class BalanceController(Diagram):
     Signals are connected by their names; `actuation` [N m] and `joint_command`
     (see WholeBodyInverseDynamics) are in the order of the plant's actuators:
 
-    ========================  ============================  ==================
-    block                     reads                         writes
-    ========================  ============================  ==================
-    state_predictor           estimated_state,              predicted_state
-                              generalized_acceleration
-    centroidal_estimator      predicted_state               com_state, icp,
-                                                            alip_icp,
-                                                            foot_poses,
-                                                            whole_body_terms
-    capture_point_controller  com_state, icp, alip_icp,     walking_state,
-                              foot_poses, foot_forces,      momentum_rate, ...
-                              velocity_command,
-                              mechanisms
-    swing_foot_planner        walking_state                 swing_foot_...
-                                                            reference
-    friction_estimator        whole_body_terms,             friction
-                              foot_wrenches
-    whole_body_...            whole_body_terms,             actuation,
-    inverse_dynamics          momentum_rate, friction,      joint_command,
-                              walking_state,                foot_wrenches,
-                              swing_foot_reference, and     generalized_...
-                              for tasks of one's own        acceleration
-                              icp, icp_reference,
-                              mechanisms
-    ========================  ============================  ==================
+    ===========================  ========================  =====================
+    block                        reads                     writes
+    ===========================  ========================  =====================
+    state_predictor              estimated_state,          predicted_state
+                                 generalized_acceleration
+    centroidal_estimator         predicted_state           com_state, icp,
+                                                           alip_icp, foot_poses,
+                                                           whole_body_terms
+    capture_point_controller     com_state, icp,           walking_state,
+                                 alip_icp, foot_poses,     momentum_rate, ...
+                                 foot_forces,
+                                 velocity_command,
+                                 mechanisms
+    swing_foot_planner           walking_state             swing_foot_reference
+    friction_estimator           whole_body_terms,         friction
+                                 foot_wrenches
+    whole_body_inverse_dynamics  whole_body_terms,         actuation,
+                                 momentum_rate, friction,  joint_command,
+                                 walking_state,            foot_wrenches, and
+                                 swing_foot_reference;     what state_predictor
+                                 for tasks of one's own    reads
+                                 icp, icp_reference,
+                                 mechanisms
+    ===========================  ========================  =====================
 
     Three loops are closed by states of the last tick: the walking state, the
     friction coefficient and, with a delay or noise, the acceleration.

@@ -42,6 +42,8 @@ smartquotes = False  # --flags stay what they are
 
 html_theme = "furo"
 html_title = f"nadia_balance {release}"
+html_static_path = ["static"]
+html_css_files = ["tables.css"]
 html_extra_path = ["index.html", "../play.html"]
 html_math_renderer = "mathml"
 html_show_sourcelink = False

@@ -27,6 +27,8 @@ def prepare(
         options: of autodoc.
         lines: of the docstring, which are changed.
     """
+    if lines and lines[0].startswith("Alias for field number"):
+        lines[:] = []  # Python's own, of a NamedTuple
     text = _FORMULA.sub(r"\1\n::\n\n", "\n".join(lines))
     is_literal = False
     lines[:] = []

@@ -50,7 +50,6 @@ CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _SHORT = 20.0  # longest run whose durations are written [s]
 _SWING, _PUSH = 0.08, 0.25  # opacities of the shades of swings and pushes
 _BAR = 0.965  # where the bars above them begin [height of the axes]
-_LOADED = 60.0  # from this share on, the limit is drawn [% of limit]
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
 _MODE_Y = -0.95  # of the strip of modes
 _MODE_COLORS = {
@@ -219,15 +218,14 @@ def _draw_shares(ax: Axes, log: Log, ratio: Array) -> None:
                 color=color,
                 label=group,
             )
-    if np.max(percent) > _LOADED:
-        ax.plot(
-            t,
-            0.0 * t + 100.0,
-            linewidth=1.1,
-            color=palette.PUSH,
-            linestyle="--",
-            label="limit",
-        )
+    ax.plot(
+        t,
+        0.0 * t + 100.0,
+        linewidth=1.1,
+        color=palette.PUSH,
+        linestyle="--",
+        label="limit",
+    )
 
 
 def _group_of(joint: str) -> str:
