@@ -6,7 +6,8 @@ Its folder has row.json, a Row, and trials.csv, all trials.
 import csv
 import dataclasses
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -42,7 +43,6 @@ MEASURED = {
     "power": "positive_power_w",
 }
 _KEY = ("scenario", "fidelity", "engine", "at", "direction_deg")
-_ROUNDED = ("froude", "impulse", "share", *MEASURED)
 
 
 @parameters
@@ -167,13 +167,7 @@ def write_row(
     """
     rows = {name: Rows.read(folder / name) for name in sweeps}
     first = next(iter(sweeps.values()))
-    model = load_robot(first.one.robot).point_mass
-    robot = MeasuredRobot(
-        name=first.one.robot,
-        files=push_v1.robot_files(first.one.robot),
-        mass=model.mass,
-        speed=model.omega * model.com_height,
-    )
+    robot = _robot(first.one.robot)
     limits = [
         _measured(record, sweep, rows[name].by_cell(), robot)
         for name, sweep in sweeps.items()
@@ -209,6 +203,16 @@ def write_row(
     return row
 
 
+def _robot(name: str) -> MeasuredRobot:
+    model = load_robot(name).point_mass
+    return MeasuredRobot(
+        name=name,
+        files=push_v1.robot_files(name),
+        mass=model.mass,
+        speed=model.omega * model.com_height,
+    )
+
+
 def _measured(
     record: Record,
     sweep: Sweep,
@@ -217,15 +221,7 @@ def _measured(
 ) -> MeasuredLimit:
     trials = groups.get(Cell.of(record), [])
     delta_v, largest = record["recovered"], record["limit"]
-    failed = [row for row in trials if row["outcome"] != RECOVERED]
-    first = min(failed, key=lambda row: row["delta_v"], default={})
-    worst = worst_at(delta_v, trials, MEASURED.values())
-    values: dict[str, Any] = {
-        "froude": None if delta_v is None else delta_v / robot.speed,
-        "impulse": None if delta_v is None else delta_v * robot.mass,
-        "share": None if delta_v is None or not largest else delta_v / largest,
-        **{name: worst[column] for name, column in MEASURED.items()},
-    }
+    share = None if delta_v is None or not largest else delta_v / largest
     return MeasuredLimit(
         scenario=record["scenario"],
         fidelity=sweep.one.fidelity,
@@ -234,9 +230,27 @@ def _measured(
         direction_deg=record["direction_deg"],
         recovered=delta_v,
         complete=record["complete"] or delta_v is None,
-        ended_by=first.get("reason") or first.get("outcome", ""),
-        **with_digits(values, _ROUNDED),
+        **with_digits({"share": share}, ["share"]),
+        **_from_trials(delta_v, trials, robot),
     )
+
+
+def _from_trials(
+    delta_v: float | None, trials: Sequence[Trial], robot: MeasuredRobot
+) -> dict[str, Any]:
+    """The fields of a MeasuredLimit that follow from the limit's trials."""
+    failed = [row for row in trials if row["outcome"] != RECOVERED]
+    first = min(failed, key=lambda row: row["delta_v"], default={})
+    worst = worst_at(delta_v, trials, MEASURED.values())
+    values: dict[str, Any] = {
+        "froude": None if delta_v is None else delta_v / robot.speed,
+        "impulse": None if delta_v is None else delta_v * robot.mass,
+        **{name: worst[column] for name, column in MEASURED.items()},
+    }
+    return {
+        "ended_by": first.get("reason") or first.get("outcome", ""),
+        **with_digits(values, [*values]),
+    }
 
 
 def _program(name: str) -> Program:
@@ -359,13 +373,25 @@ def read_row(folder: Path) -> Row:
             f"must have every field of {SCHEMA}",
         )
         push_v1.check_robot(row.robot.name, row.robot.files)
+        ours = _robot(row.robot.name)
+        for name in "mass", "speed":
+            told, value = getattr(row.robot, name), getattr(ours, name)
+            require(
+                math.isclose(told, value),
+                f"robot.{name} = {told}: must be {value}",
+            )
         digest = push_v1.sha256(folder / TRIALS)
         require(
             row.trials == digest,
             f"trials = {row.trials!r}: must be the sha256 of {TRIALS}, "
             f"{digest!r}",
         )
-        _check_limits(row, read_trials(folder))
+        trials = read_trials(folder)
+        errors = [one["reason"] for one in trials if one["outcome"] == "error"]
+        require(
+            not errors, f"trials ended by an error of a block: {errors[:1]}"
+        )
+        _check_limits(row, trials)
     except (ValueError, TypeError, KeyError) as error:
         raise ValueError(f"row = {path}: {one_line(error)}") from None
     return row
@@ -432,4 +458,11 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
             f"complete of {name} = {one.complete}: must be {is_complete}, as "
             "the trials say",
         )
+        told = _from_trials(one.recovered, group, row.robot)
+        for field, value in told.items():
+            require(
+                getattr(one, field) == value,
+                f"{field} of {name} = {getattr(one, field)}: must be {value}, "
+                "as the trials say",
+            )
     require(row.worst == worst_of(row.limits), "worst: must be of the limits")
