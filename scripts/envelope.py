@@ -55,6 +55,7 @@ FREE = (
     "quick",
     "robot",
     "controller",
+    "contract",
     "block",
     "who",
     "workers",
@@ -369,6 +370,7 @@ def sweeps_of_row(
         args.robot or "nadia",
         command_line.controller_of(args),
         parsed_blocks(args.block or ()),
+        command_line.contract_of(args),
     )
 
 

@@ -113,6 +113,7 @@ def sweeps(
     robot: str,
     controller: str = "",
     blocks: Mapping[str, str] | None = None,
+    contract: tuple[str, ...] = (),
 ) -> dict[str, Sweep]:
     """The sweeps of a row.
 
@@ -121,6 +122,7 @@ def sweeps(
         robot: one of ROBOTS.
         controller: file of a policy, or `module:Class`; "": ours.
         blocks: `module:Class` by role, in the place of our blocks.
+        contract: of a policy, files and fields (see policy.contract).
 
     Returns:
         The sweeps by the names of their folders, checked.
@@ -137,6 +139,7 @@ def sweeps(
             scenarios={part.scenario: scenario_of(part, robot)},
             controller=controller,
             blocks=dict(blocks or {}),
+            contract=contract,
             directions=tuple(i * step for i in range(of_variant.directions)),
             at=part.at,
             mechanisms=(MOST,),

@@ -16,6 +16,7 @@ from nadia_balance.diagrams.own_blocks import NONE, file_of, names_class
 from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.yaml_reader import one_line, typed
 from nadia_balance.results.folder import appearing
+from nadia_balance.results.pages import CONTRACT
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
 from nadia_balance.sweep import push_v1
@@ -132,6 +133,9 @@ class Row:
     )
     who: str = bounded("", doc="has measured it")
     controller: Program = bounded(Program, doc="what balances the robot")
+    contract: str = bounded(
+        "", doc="of a policy: policy.yaml, its fields with their sources"
+    )
     blocks: dict[str, Program] = bounded(
         dict, doc="those in the place of ours, by role"
     )
@@ -166,6 +170,9 @@ def write_row(
         OSError: it cannot be written; then nothing is.
     """
     rows = {name: Rows.read(folder / name) for name in sweeps}
+    contracts = [
+        path.read_text("utf-8") for path in sorted(folder.glob(f"*/{CONTRACT}"))
+    ]
     first = next(iter(sweeps.values()))
     robot = _robot(first.one.robot)
     limits = [
@@ -179,6 +186,7 @@ def write_row(
             variant=variant,
             who=who,
             controller=_program(first.controller),
+            contract="".join(contracts[:1]),
             blocks={
                 role: _program(name) for role, name in first.blocks.items()
             },

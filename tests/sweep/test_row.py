@@ -42,6 +42,7 @@ def folder(tmp_path_factory):
         with Rows.opened(folder / name, sweep.identity()) as rows:
             for row in made_up_rows(cells, sweep.search):
                 rows.add(row)
+        (folder / name / "policy.yaml").write_text("period: 0.02  # mine\n")
     made_up = [MadeUpLimit(LARGEST)] * 3
     with patch.object(limits, "limits_of", return_value=made_up):
         write_row(folder, push_v1.QUICK, sweeps, "somebody")
@@ -82,6 +83,7 @@ def test_a_row_says_what_its_trials_say(folder):
     jsonschema.validate(tree, SCHEMA)
     assert (row.who, row.variant, row.seeds) == ("somebody", "quick", [0])
     assert (row.controller.name, row.controller.sha256) == ("nadia_balance", "")
+    assert row.contract == "period: 0.02  # mine\n"
     assert row.versions["drake"] and "mujoco" not in row.versions
     speed = math.sqrt(9.81 * nadia.com_height)
     assert len(row.limits) == 8
@@ -178,6 +180,7 @@ FLAGS = ["--protocol", "push-v1", "--quick", "--who", "somebody"]
         ),
         (["--engine", "mujoco"], "engine = mujoco: must not come with push-v1"),
         (["--robot", "t1"], "robot = 't1': must be one of nadia, g1, atlas"),
+        (["--contract", "{}"], "contract = {}: must come with the ONNX file"),
         (["--controller", "no.mine:A"], "block controller = no.mine:A: module"),
         (
             ["--protocol", "nadia_fig10"],
