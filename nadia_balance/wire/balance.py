@@ -26,7 +26,7 @@ from nadia_balance.robot.model import (
 )
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, joints_above
-from nadia_balance.systems.estimation import StateEstimator
+from nadia_balance.systems.estimation import StateEstimator, imu_place
 from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.wiring import connect
 from nadia_balance.wire.messages import JointCommand, RobotState
@@ -120,6 +120,8 @@ class RobotBalance:
             f"robot = {robot.name}: must have an actuator at each joint",
         )
         self._weight = robot.mass * GRAVITY
+        _, X_BI = imu_place(plant, robot, sensors)
+        self._up_I = X_BI.rotation().matrix()[2]  # the pelvis' z axis
         self._standing = robot.standing_positions()
         self._load = Ticking(
             FootForceEstimator(robot, sensors, self.period), self.period
@@ -144,6 +146,19 @@ class RobotBalance:
         """
         self._load.tick(imu=imu, joints=self._angles(state), torques=state.tau)
         return np.asarray(self._load.output("foot_forces") / self._weight)
+
+    def lies(self, state: RobotState) -> bool:
+        """Whether a robot that does not balance yet has fallen.
+
+        Args:
+            state: the latest.
+
+        Returns:
+            True if its pelvis is tilted too far.
+        """
+        w, x, y, z = state.quaternion.tolist()
+        up = x * z - w * y, y * z + w * x, 0.5 - x**2 - y**2  # of W, in I / 2
+        return bool(2.0 * self._up_I @ up < math.cos(FALLEN_TILT))
 
     def begin(self) -> None:
         """Forgets all: the robot stands, at rest, with level soles."""

@@ -97,6 +97,17 @@ class Balance(Protocol):
         """
         ...
 
+    def lies(self, state: RobotState) -> bool:
+        """Whether a robot that does not balance yet has fallen.
+
+        Args:
+            state: the latest.
+
+        Returns:
+            True if its pelvis is tilted too far.
+        """
+        ...
+
     def tick(
         self, imu: Array, state: RobotState, velocity: Array
     ) -> JointCommand:
@@ -367,6 +378,10 @@ class RobotProcess:
     def _wait_for_load(self, sample: RobotState) -> None:
         """Begins to balance once the feet have borne the weight for a while."""
         self._command = self._posture
+        if self._balance.lies(sample):
+            self.counts.falls += 1
+            self.stop("pelvis tilted")
+            return
         imu = self._imu_of_tick(sample)
         if imu is None:
             return

@@ -55,6 +55,9 @@ class FakeBalance:
     def loads(self, imu, state):
         return self.shares
 
+    def lies(self, state):
+        return state.quaternion[0] < 0.5
+
     def begin(self) -> None:
         self.begun += 1
 

@@ -86,6 +86,18 @@ def test_gets_up_by_its_phases():
     ]
 
 
+def test_a_robot_that_falls_before_it_is_balanced_is_let_go():
+    """Oracle: the phase, and the line; it is loaded, but lies."""
+    told = Told()
+    told.process.start()
+    told.hear(1002)
+    assert told.process.phase is Phase.LOAD
+    lying = np.array([0.0, 1.0, 0.0, 0.0])
+    assert is_damping(told.hear(1, quaternion=lying))
+    assert told.lines[-1].endswith("damping: pelvis tilted")
+    assert told.process.counts.falls == 1
+
+
 def test_ticks_by_the_robots_clock_with_the_mean_of_the_imu():
     """Oracle: by hand: two samples a period, rates that rise with time."""
     told = Told().balancing()
