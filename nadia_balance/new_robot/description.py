@@ -281,12 +281,16 @@ class Description:
         }
 
     def _find_root(self, free: list[str]) -> None:
-        """Sets the root, the one of the links `free` that is a base."""
+        """Sets the root, the one of the links `free` that is a base.
+
+        Beside one that holds others, a link alone is of a scene, as a ball is.
+        """
         bases = [
             link
             for link in free
             if link != "world" and (self.mass([link]) or self.children(link))
         ]
+        bases = [link for link in bases if self.children(link)] or bases
         tree = {link for base in free for link in self.below(base)}
         loop = [link for link in self.links if link not in tree]
         if len(bases) != 1 or loop:

@@ -224,6 +224,8 @@ def test_says_what_hangs_elsewhere_in_the_world(tmp_path):
     """Oracle: a motor on a stand, 20 m up; the robot of the file without it."""
     stand = (
         '<body name="stand" pos="0 0 20"><joint name="dummy" range="-1 1"/>'
+        '<geom type="sphere" size="0.1"/></body>'
+        '<body name="ball" pos="1 0 1"><freejoint/>'
         '<geom type="sphere" size="0.1"/></body></worldbody>'
     )
     motor = '<actuator><motor joint="dummy"/>'
@@ -234,7 +236,8 @@ def test_says_what_hangs_elsewhere_in_the_world(tmp_path):
         notes = made(text, tmp_path, name)
         written.append((tmp_path / name / "robot.urdf").read_text())
     assert written[0] == written[1]
-    assert "left out, not joined to the robot: stand" in notes.of("changed")
+    left_out = "left out, not joined to the robot: stand, ball"
+    assert left_out in notes.of("changed")
 
 
 @pytest.mark.parametrize(
