@@ -383,10 +383,10 @@ def read_row(folder: Path) -> Row:
         push_v1.check_robot(row.robot.name, row.robot.files)
         ours = _robot(row.robot.name)
         for name in "mass", "speed":
-            told, value = getattr(row.robot, name), getattr(ours, name)
+            claim, value = getattr(row.robot, name), getattr(ours, name)
             require(
-                math.isclose(told, value),
-                f"robot.{name} = {told}: must be {value}",
+                math.isclose(claim, value),
+                f"robot.{name} = {claim}: must be {value}",
             )
         digest = push_v1.sha256(folder / TRIALS)
         require(
@@ -466,8 +466,8 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
             f"complete of {name} = {one.complete}: must be {is_complete}, as "
             "the trials say",
         )
-        told = _from_trials(one.recovered, group, row.robot)
-        for field, value in told.items():
+        measured = _from_trials(one.recovered, group, row.robot)
+        for field, value in measured.items():
             require(
                 getattr(one, field) == value,
                 f"{field} of {name} = {getattr(one, field)}: must be {value}, "
