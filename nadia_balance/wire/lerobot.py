@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.parameters.bounds import require
 from nadia_balance.wire.balance import process_of
 from nadia_balance.wire.kinds import joint_names
 from nadia_balance.wire.messages import JointCommand, RobotState
@@ -73,9 +74,17 @@ class LeRobotController:
 
         Returns:
             The targets [rad], by LeRobot's names of the joints.
+
+        Raises:
+            ValueError: the state is of a robot with fewer joints.
         """
         self._steps += 1
         motors, imu = lowstate.motor_state, lowstate.imu_state
+        require(
+            len(motors) >= len(self._keys),
+            f"lowstate.motor_state has {len(motors)} motors: must have "
+            f"{len(self._keys)}",
+        )
         q, dq, tau = (
             np.array([getattr(motors[i], name) for i in range(len(self._keys))])
             for name in ("q", "dq", "tau_est")

@@ -105,6 +105,14 @@ def test_a_state_that_is_not_finite_damps(controller):
     assert np.abs(np.delete(torques, 3)).max() < 1e-12
 
 
+def test_a_robot_with_fewer_joints_is_refused(controller):
+    """Oracle: the number of a G1's; LeRobot's states have more."""
+    caller = FakeCaller(controller)
+    del caller.motors[28:]
+    with pytest.raises(ValueError, match="has 28 motors: must have 29"):
+        caller.step()
+
+
 def test_joints_that_are_not_finite_keep_the_last_targets(controller):
     """Oracle: those of the step before; without one, where the joints are."""
     for has_begun in False, True:

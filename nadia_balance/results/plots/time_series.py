@@ -10,6 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
@@ -502,6 +503,8 @@ def _write_durations(ax: Axes, spans: list[PhaseSpan]) -> None:
             va="center",
             color=color,
             fontsize=7.5,
+            # Wider than its gap, it would vanish on bars of its colour.
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )
 
 
