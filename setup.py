@@ -28,7 +28,7 @@ class SharedLibrary(build_ext):
         """Compiles, or says in one line what to install."""
         compilers = filter(shutil.which, ("cc", "gcc", "clang"))
         compiler = os.environ.get("CC") or next(compilers, None)
-        if compiler is None:
+        if compiler is None or not shutil.which(compiler.split()[0]):
             raise SystemExit(NO_COMPILER)
         path = Path(self.get_ext_fullpath(ext.name))
         path.parent.mkdir(parents=True, exist_ok=True)

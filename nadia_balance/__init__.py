@@ -6,6 +6,8 @@ editors read the imports below.
 """
 
 import importlib
+import re
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -199,6 +201,25 @@ _MODULES = {
     "walking_start": "core.plan.gait",
 }
 __all__ = sorted(_MODULES)
+# Older ones have other names, or need to be told which rows are equalities.
+_LEAST = {"daqp": (0, 11), "drake": (1, 51)}
+
+
+def _require_versions() -> None:
+    """Refuses a package that is too old; one of no known version may be."""
+    for package, least in _LEAST.items():
+        try:
+            present = version(package)
+        except PackageNotFoundError:  # built from its source
+            continue
+        major, minor, *_ = map(int, re.findall(r"\d+", f"{present}.0"))
+        if (major, minor) < least:
+            raise ImportError(
+                f"{package} = {present}: must be {least[0]}.{least[1]} or newer"
+            )
+
+
+_require_versions()
 
 
 if not TYPE_CHECKING:  # who would accept any name, misspelt ones, too

@@ -171,13 +171,14 @@ def test_commands_run_from_another_directory(outcome):
     assert json.loads(summary)["recovered"]
 
 
-def test_says_what_to_install_where_there_is_no_compiler(tmp_path):
+@pytest.mark.parametrize("compiler", [{}, {"CC": "/nowhere/cc"}])
+def test_says_what_to_install_where_there_is_no_compiler(tmp_path, compiler):
     """Oracle: one line of our own; nothing is built."""
     source, nowhere = tmp_path / "source", tmp_path / "nowhere"
     done = subprocess.run(
         copied(source),
         cwd=source,
-        env={"PATH": str(nowhere)},
+        env={"PATH": str(nowhere), **compiler},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -185,6 +186,33 @@ def test_says_what_to_install_where_there_is_no_compiler(tmp_path):
     message = "nadia_balance needs a C compiler: apt-get install gcc libc6-dev"
     assert done.returncode and message in done.stdout.splitlines()
     assert not [*source.rglob("*.so.1"), *source.rglob("*.whl")]
+
+
+@pytest.mark.parametrize("package", ["daqp", "drake"])
+def test_an_older_package_is_refused_by_its_version(tmp_path, package):
+    """Oracles: made-up packages around the bound of pyproject.toml."""
+    (least,) = re.findall(rf"{package}>=([\d.]+)", str(PROJECT["dependencies"]))
+    major, minor = map(int, least.split("."))
+    for present, is_good in (
+        (f"{major}.{minor - 1}.9", False),
+        (f"{major}.{minor}.0", True),
+        (f"{major}.{minor + 90}.dev0", True),
+    ):
+        folder = tmp_path / present
+        info = folder / f"{package}-{present}.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Name: {package}\nVersion: {present}\n")
+        done = subprocess.run(
+            [sys.executable, "-c", "import nadia_balance"],
+            env=os.environ | {"PYTHONPATH": f"{folder}:{ROOT}"},
+            capture_output=True,
+            text=True,
+        )
+        refusal = (
+            f"ImportError: {package} = {present}: must be {least} or newer"
+        )
+        assert (done.returncode == 0) is is_good, done.stderr
+        assert is_good or done.stderr.splitlines()[-1] == refusal
 
 
 def third_party_imports(*folders: str) -> set[str]:
