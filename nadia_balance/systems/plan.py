@@ -413,7 +413,8 @@ class VelocityCommands(Block):
             )
             require(
                 row[0] >= 0.0 and (i == 0 or row[0] > rows[i - 1][0]),
-                f"rows[{i}] = {row}: must be later than the one before",
+                f"rows[{i}] = {row}: must be later than the one before, and "
+                "not before 0 s",
             )
         self._times = [row[0] - TICK_TOLERANCE for row in rows]
         self._values = [np.zeros(3), *(np.array(row[1:]) for row in rows)]
