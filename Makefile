@@ -110,7 +110,7 @@ $(MADE)/errors.pushed: PUSHES := --share 0.8 --directions 8 \
 	--scenario_text "{imperfections: {joint_noise: 0.0005, \
 	joint_speed_noise: 0.02, pelvis_noise: 0.001, pelvis_speed_noise: 0.02, \
 	delay: 0.012, friction_ratio: 0.5, torso_mass_ratio: 1.1}}"
-$(MADE)/random.pushed: PUSHES := --share 0.6 --pushes 60
+$(MADE)/random.pushed: PUSHES := --share 0.6 --pushes 300
 $(MADE)/mujoco.pushed: PUSHES := --share 0.9 --directions 12 --engine mujoco
 FIG6 := --limits atlas_fig6 --share
 $(MADE)/fig6.pushed: PUSHES := $(FIG6) 1 --mechanisms all_with_cross_over \
