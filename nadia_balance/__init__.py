@@ -201,19 +201,23 @@ _MODULES = {
     "walking_start": "core.plan.gait",
 }
 __all__ = sorted(_MODULES)
-# Older ones have other names, or need to be told which rows are equalities.
+# Older ones have other names, or need to be told which rows are equalities;
+# a nightly of Drake is 0.0.date.
 _LEAST = {"daqp": (0, 11), "drake": (1, 51)}
 
 
 def _require_versions() -> None:
-    """Refuses a package that is too old; one of no known version may be."""
+    """Refuses a package that is too old.
+
+    Raises ImportError: one line that names it, its version and the least one.
+    """
     for package, least in _LEAST.items():
         try:
             present = version(package)
         except PackageNotFoundError:  # built from its source
             continue
         major, minor, *_ = map(int, re.findall(r"\d+", f"{present}.0"))
-        if (major, minor) < least:
+        if (0, 0) < (major, minor) < least:
             raise ImportError(
                 f"{package} = {present}: must be {least[0]}.{least[1]} or newer"
             )

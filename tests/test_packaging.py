@@ -197,6 +197,7 @@ def test_an_older_package_is_refused_by_its_version(tmp_path, package):
         (f"{major}.{minor - 1}.9", False),
         (f"{major}.{minor}.0", True),
         (f"{major}.{minor + 90}.dev0", True),
+        ("0.0.20261130", True),  # made last night
     ):
         folder = tmp_path / present
         info = folder / f"{package}-{present}.dist-info"

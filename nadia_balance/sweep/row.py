@@ -170,9 +170,7 @@ def write_row(
         OSError: it cannot be written; then nothing is.
     """
     rows = {name: Rows.read(folder / name) for name in sweeps}
-    contracts = [
-        path.read_text("utf-8") for path in sorted(folder.glob(f"*/{CONTRACT}"))
-    ]
+    contract = folder / next(iter(sweeps)) / CONTRACT
     first = next(iter(sweeps.values()))
     robot = _robot(first.one.robot)
     limits = [
@@ -186,7 +184,7 @@ def write_row(
             variant=variant,
             who=who,
             controller=_program(first.controller),
-            contract="".join(contracts[:1]),
+            contract=contract.read_text("utf-8") if contract.exists() else "",
             blocks={
                 role: _program(name) for role, name in first.blocks.items()
             },

@@ -123,7 +123,7 @@ def run_sweep(
         True if all was done.
 
     Raises:
-        RuntimeError: a worker fails; errors of a trial are in its row.
+        RuntimeError: as collect.
     """
     earlier = rows.by_cell()
     running = {
@@ -157,7 +157,8 @@ def collect(
         True if all was done.
 
     Raises:
-        RuntimeError: a worker fails.
+        RuntimeError: a worker fails; or a trial, which ended by an error of a
+            block, no fall.  Its row is kept, as all others are.
     """
     with tqdm(
         total=len(running),
@@ -173,6 +174,12 @@ def collect(
                 for row in _rows_of(future):
                     rows.add(row)
                 bar.update()
+    errors = [row["reason"] for row in rows.all if row["outcome"] == "error"]
+    if errors:
+        raise RuntimeError(
+            f"{len(errors)} of {len(rows.all)} trials ended by an error of a "
+            f"block: {errors[0]}"
+        )
     return not running
 
 
