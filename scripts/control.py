@@ -213,8 +213,8 @@ def _report(process: RobotProcess) -> list[str]:
     return [
         f"samples {counts.samples}: lost {counts.lost}, late {counts.late}, "
         f"refused {counts.refused}",
-        f"ticks {counts.ticks}; silences {counts.silences}, falls "
-        f"{counts.falls}",
+        f"ticks {counts.ticks}, passed over {counts.passed}; silences "
+        f"{counts.silences}, falls {counts.falls}",
     ]
 
 

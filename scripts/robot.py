@@ -2,6 +2,7 @@
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import argparse
+import gc
 import sys
 from functools import partial
 
@@ -46,6 +47,7 @@ def main(argv: list[str] | None = None) -> int:
         serving = _serving(args)
     robot = serving.robot
     command_line.say(f"waits for a controller on {place_words(args)}")
+    gc.freeze()  # its look through all that there is would take 50 ms
     with until_ctrl_c() as interrupted:
         while not interrupted() and (
             args.duration is None or robot.time < args.duration
@@ -162,12 +164,18 @@ def _serving(args: argparse.Namespace) -> Serving:
 
 def _report(serving: Serving) -> list[str]:
     pose = serving.robot.pose
-    return [
+    lines = [
         f"stood alone for {serving.longest:.2f} s, falls {serving.falls}; "
         f"pelvis at {pose[4]:.2f} {pose[5]:.2f} {pose[6]:.2f} m",
         f"samples {serving.robot.samples}: lost {serving.bus.lost}, late "
         f"{serving.bus.late}; commands refused {serving.listener.refused}",
     ]
+    if serving.slower == 1.0 and serving.pace.lost > 0.0:
+        lines.append(
+            f"its clock lost {serving.pace.lost:.2f} s: this machine is too "
+            "slow to move it in real time"
+        )
+    return lines
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ from nadia_balance.wire.process import RobotProcess
 
 
 class Ticking:
-    """A system whose time is the number of ticks, from a beginning on."""
+    """A system whose time is the number of the ticks before."""
 
     def __init__(self, system: System, period: float) -> None:
         """Begins.
@@ -60,20 +60,26 @@ class Ticking:
         Raises:
             RuntimeError: as finish.
         """
-        self.finish()
+        if self._ticks:
+            self.finish()
+            self._simulator.AdvanceTo(self._ticks * self._period)
+        self._ticks += 1
         context = self._simulator.get_mutable_context()
         for name, value in inputs.items():
             self._system.GetInputPort(name).FixValue(context, value)
-        self._ticks += 1
 
     def finish(self) -> None:
         """Updates the states by the last tick's inputs: its outputs are read.
+
+        Drake updates at a time when it is asked to advance from there, or to
+        there once more.  A second call does nothing.
 
         Raises:
             RuntimeError: a block has no value.
         """
         if self._ticks:
-            self._simulator.AdvanceTo(self._ticks * self._period)
+            context = self._simulator.get_context()
+            self._simulator.AdvanceTo(context.get_time())
 
     def output(self, name: str) -> Any:
         """An output by the last tick's inputs.
@@ -126,8 +132,12 @@ class RobotBalance:
         self._load = Ticking(
             FootForceEstimator(robot, sensors, self.period), self.period
         )
-        self._balance = Ticking(
-            _diagram(robot, params, sensors, delay), self.period
+        self._estimate = Ticking(
+            _estimators(robot, sensors, self.period), self.period
+        )
+        self._control = Ticking(
+            BalanceController(params, robot, delay=delay, sensors=sensors),
+            self.period,
         )
 
     def rest(self) -> None:
@@ -162,7 +172,8 @@ class RobotBalance:
 
     def begin(self) -> None:
         """Forgets all: the robot stands, at rest, with level soles."""
-        self._balance.begin()
+        self._estimate.begin()
+        self._control.begin()
 
     def tick(
         self, imu: Array, state: RobotState, velocity: Array
@@ -180,15 +191,27 @@ class RobotBalance:
         Raises:
             RuntimeError: there is none.
         """
-        self._balance.tick(
-            imu=imu,
-            joints=self._angles(state),
-            torques=state.tau,
-            velocity_command=velocity,
-        )
-        command = self._balance.output("joint_command").copy()
+        self.estimate(imu, state)
+        names = "estimated_state", "foot_forces"
+        estimates = {name: self._estimate.output(name) for name in names}
+        self._control.tick(velocity_command=velocity, **estimates)
+        command = self._control.output("joint_command").copy()
         q, dq, tau, kp, kd = command.reshape(5, -1)
         return JointCommand(q=q, dq=dq, tau=tau, kp=kp, kd=kd)
+
+    def estimate(self, imu: Array, state: RobotState) -> None:
+        """Estimates the state in a tick that is passed over.
+
+        Args:
+            imu: as of systems.estimation.Imu, over the last period (9,).
+            state: the latest.
+
+        Raises:
+            RuntimeError: a block has no value.
+        """
+        self._estimate.tick(
+            imu=imu, joints=self._angles(state), torques=state.tau
+        )
 
     def finish(self) -> None:
         """Makes of the last tick what its command does not need.
@@ -196,7 +219,8 @@ class RobotBalance:
         Raises:
             RuntimeError: a block has no value.
         """
-        self._balance.finish()
+        self._estimate.finish()
+        self._control.finish()
 
     def fall_reason(self) -> str:
         """Why the robot has fallen by the last tick.
@@ -204,7 +228,7 @@ class RobotBalance:
         Returns:
             A few words; empty if it has not.
         """
-        state = self._balance.output("estimated_state")
+        state = self._estimate.output("estimated_state")
         if state[6] < FALLEN_HEIGHT * self._standing[6]:
             return "pelvis too low"
         w, x, y, z = state[:4]
@@ -254,34 +278,23 @@ def process_of(
     return model, process
 
 
-def _diagram(
-    robot: RobotModel,
-    params: ControllerParams,
-    sensors: SensorParams,
-    delay: float,
+def _estimators(
+    robot: RobotModel, sensors: SensorParams, period: float
 ) -> Diagram:
-    """From imu, joints, torques and velocity_command to a command."""
-    period = params.control_period
-    controller = BalanceController(params, robot, delay=delay, sensors=sensors)
+    """From imu, joints and torques to foot_forces and estimated_state."""
     forces = FootForceEstimator(robot, sensors, period)
     estimator = StateEstimator(robot, sensors, period, None, 0.0)
     builder = DiagramBuilder()
-    builder.AddNamedSystem("balance_controller", controller)
     builder.AddNamedSystem("foot_force_estimator", forces)
     builder.AddNamedSystem("state_estimator", estimator)
     for name in "imu", "joints":
         builder.ExportInput(forces.GetInputPort(name), name)
         builder.ConnectInput(name, estimator.GetInputPort(name))
     builder.ExportInput(forces.GetInputPort("torques"), "torques")
-    name = "velocity_command"
-    builder.ExportInput(controller.GetInputPort(name), name)
     connect(builder, forces, estimator, "foot_forces")
-    connect(builder, forces, controller, "foot_forces")
-    connect(builder, estimator, controller, "estimated_state")
     for system, name in (
-        (controller, "joint_command"),
-        (estimator, "estimated_state"),
         (forces, "foot_forces"),
+        (estimator, "estimated_state"),
     ):
         builder.ExportOutput(system.GetOutputPort(name), name)
     return builder.Build()

@@ -178,6 +178,11 @@ class _Channel:
             )
         return signal.timestamp, np.array(signal.val)
 
+    def waiting(self) -> int:
+        """The number of messages that have come and were not taken."""
+        self._group.look()
+        return len(self._messages)
+
     def senders(self) -> set[int]:
         """The stamps of all messages that have come, which are taken."""
         self._group.look()
@@ -267,6 +272,14 @@ class LcmWire(_End):
             sticks=body[10:13],
             halt=bool(body[13]),
         )
+
+    def waiting(self) -> int:
+        """The number of states that have come and were not read.
+
+        Returns:
+            0 if the controller keeps up.
+        """
+        return self._states.waiting()
 
     def write(self, command: JointCommand) -> None:
         """Sends a command.

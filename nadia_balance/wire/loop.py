@@ -1,5 +1,6 @@
 """Runs a RobotProcess on a wire, until it is told to end."""
 
+import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,16 +9,14 @@ from nadia_balance.wire.messages import JointCommand, RefusedError, Wire
 from nadia_balance.wire.process import SILENCE, Phase, RobotProcess
 
 LISTEN = 0.3  # for rivals, before the first command [s]
-DRIFT = 5e-4  # by which the clocks of robot and controller may differ [-]
 
 
 @dataclass
 class Delays:
-    """How late the answers were, by the fastest one, and how the loop ended.
+    """How late the answers were, and how the loop ended.
 
-    An answer is late if it leaves more than a control period after the fastest
-    answer would have: what waited in a queue counts.  The fastest one is
-    forgotten as fast as the clocks may drift apart.
+    An answer is late by the time of the samples that have come meanwhile, if
+    that is a control period or more.
 
     Args:
         period: of the control [s].
@@ -28,30 +27,16 @@ class Delays:
     late: int = 0
     longest: float = 0.0  # [s]
     balanced: bool = False  # at the end of the loop
-    _least: float = float("inf")
-    _last: float = 0.0  # wall time of the last answer [s]
 
-    def restart(self) -> None:
-        """Forgets the fastest answer: the robot's clock may have changed."""
-        self._least = float("inf")
-
-    def add(self, wall: float, sample: float) -> float:
+    def add(self, delay: float) -> None:
         """Counts an answer.
 
         Args:
-            wall: time at which it left [s].
-            sample: the robot's time of what is answered [s].
-
-        Returns:
-            The delay [s].
+            delay: by which it is late [s].
         """
-        drifted = self._least + DRIFT * (wall - self._last)
-        self._least, self._last = min(drifted, wall - sample), wall
-        delay = wall - sample - self._least
         self.answers += 1
-        self.late += delay > self.period
+        self.late += delay > self.period - 1e-9
         self.longest = max(self.longest, delay)
-        return delay
 
 
 def refuse_rivals(wire: Wire) -> None:
@@ -80,20 +65,21 @@ def run(
 ) -> Delays:
     """Reads, answers and writes until `each` says that it ends, then damps.
 
-    An error, or a second Ctrl-C, also leaves the robot damped.
+    An error, or a second Ctrl-C, also leaves the robot damped.  A process that
+    is late passes over ticks, and one that is SILENCE behind lets go.
 
     Args:
         wire: the controller's end.
         process: what answers.
         each: called after each answer and each silence: False ends.
-        slower: how much slower than real time the robot's clock may go; 1: as
-            on a machine, and a controller that is SILENCE behind lets go.
+        slower: how much slower than real time the robot's clock may go.
 
     Returns:
         How late it was while it balanced, and whether it did at the end.
     """
+    gc.freeze()  # its look through all that there is would take 50 ms
     delays, heard = Delays(process.period), time.monotonic()
-    silence = slower * SILENCE
+    silence, sample = slower * SILENCE, process.params.sample_period
     try:
         while each():
             state = command = None
@@ -103,23 +89,24 @@ def run(
                 process.refuse(str(error))
             now = time.monotonic()
             if state is not None:
-                command = process.hear(state)
+                is_late = wire.waiting() * sample >= process.period
+                command = process.hear(state, is_late)
             if command is not None:
                 heard = now
             elif now >= heard + silence:
                 heard, command = now, process.silent()
             _write(wire, command)
             if state and command and process.phase is Phase.BALANCE:
-                behind = delays.add(time.monotonic(), state.time)
+                behind = wire.waiting() * sample
+                delays.add(behind)
                 _write(wire, process.finish())
-                if behind > SILENCE and slower == 1.0:
+                if behind > SILENCE:
                     late = f"{1e3 * behind:.0f} ms behind the robot"
                     _write(wire, process.stop(late))
-            elif command:
-                delays.restart()
             if wire.rivals() and process.phase is not Phase.DAMPING:
                 _write(wire, process.stop("another controller commands it"))
     finally:
+        gc.unfreeze()
         delays.balanced = process.phase is Phase.BALANCE
         if process.counts.samples:
             wire.write(process.stop("stopped"))

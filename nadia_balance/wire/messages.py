@@ -136,6 +136,14 @@ class Wire(Protocol):
         """
         ...
 
+    def waiting(self) -> int:
+        """The number of states that have come and were not read.
+
+        Returns:
+            0 if the controller keeps up.
+        """
+        ...
+
     def write(self, command: JointCommand) -> None:
         """Sends a command.
 

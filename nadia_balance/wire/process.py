@@ -126,6 +126,18 @@ class Balance(Protocol):
         """
         ...
 
+    def estimate(self, imu: Array, state: RobotState) -> None:
+        """Takes note of a tick that has no command.
+
+        Args:
+            imu: as of systems.estimation.Imu, over the last period (9,).
+            state: the latest.
+
+        Raises:
+            RuntimeError: a block has no value.
+        """
+        ...
+
     def finish(self) -> None:
         """Makes of the last tick what its command does not need.
 
@@ -149,6 +161,7 @@ class Counts:
 
     samples: int = 0
     ticks: int = 0
+    passed: int = 0  # ticks that were late, and had no command
     lost: int = 0  # samples that were bridged and never came
     late: int = 0  # that came after a later one
     refused: int = 0
@@ -207,6 +220,7 @@ class RobotProcess:
         self._command = self._damp
         self._starts = False
         self._is_silent = False
+        self._is_late = self._passes = False
         self._last: RobotState | None = None
         self._time = 0.0
         self._missing: deque[float] = deque(maxlen=64)  # times of samples
@@ -268,24 +282,28 @@ class RobotProcess:
             self._reasons.add(kind)
             self._tell_now(f"refused: {reason}")
 
-    def hear(self, state: RobotState) -> JointCommand | None:
+    def hear(
+        self, state: RobotState, is_late: bool = False
+    ) -> JointCommand | None:
         """Answers a sample.
 
         Args:
             state: as a wire has read it.
+            is_late: whether it has waited for longer than a period.
 
         Returns:
             The command until the next one; None if the sample is not used,
             unless it halts the robot.
         """
+        self._is_late = is_late
         fault = fault_of(state, len(self._standing))
         gap = state.time - self._last.time if self._last else 0.0
-        is_late = self._last is not None and -SILENCE <= gap <= 0.0
+        is_old = self._last is not None and -SILENCE <= gap <= 0.0
         if fault:
             self.refuse(fault)
-        elif is_late:
+        elif is_old:
             self._hear_late(state.time)
-        if fault or is_late:
+        if fault or is_old:
             return self.stop(REMOTE) if state.halt else None
         self.counts.samples += 1
         self._time = state.time
@@ -421,15 +439,20 @@ class RobotProcess:
         if imu is None:
             return
         fall = fault = ""
+        self._passes = self._is_late and not self._passes
         try:
-            self._command = self._balance.tick(
-                imu, sample, self._asked(sample.sticks)
-            )
+            if self._passes:
+                self._balance.estimate(imu, sample)
+            else:
+                self._command = self._balance.tick(
+                    imu, sample, self._asked(sample.sticks)
+                )
             fall = self._balance.fall_reason()
             fault = fault_of(self._command, len(self._standing))
         except (RuntimeError, ValueError) as error:
             fault = one_line(error)
         self.counts.ticks += 1
+        self.counts.passed += self._passes
         self.counts.falls += bool(fall)
         if fall or fault:
             self.stop(fall or fault)

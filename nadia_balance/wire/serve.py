@@ -175,6 +175,34 @@ class Listener:
 
 
 @dataclass
+class Pace:
+    """When samples are due in real time: what is late is made up for.
+
+    Args:
+        due: time at which the first sample begins [s].
+        debt: that is made up for at most; the clock loses the rest [s].
+    """
+
+    due: float
+    debt: float
+    lost: float = 0.0  # by the clock [s]
+
+    def rest(self, now: float) -> float:
+        """Ends a sample.
+
+        Args:
+            now: time [s].
+
+        Returns:
+            Time until the next one is due [s].
+        """
+        lost = max(now - self.debt - self.due - SAMPLE, 0.0)
+        self.lost += lost
+        self.due += SAMPLE + lost
+        return max(self.due - now, 0.0)
+
+
+@dataclass
 class Serving:
     """A simulated robot on a wire.
 
@@ -211,7 +239,9 @@ class Serving:
         self.longest = 0.0  # for which it did [s]
         self.falls = 0
         self._newest = -1.0
-        self._due = time.monotonic()
+        # What a robot waits for commands is lost.
+        debt = SILENCE if self.slower == 1.0 else SAMPLE
+        self.pace = Pace(time.monotonic(), debt)
         self._pushes = sorted(self.pushes)
 
     def step(self) -> None:
@@ -229,9 +259,7 @@ class Serving:
         self._push()
         robot.step(self.listener.command)
         self._look()
-        # In real time at the most; what is lost is not made up for.
-        self._due = max(self._due + SAMPLE, time.monotonic() - SAMPLE)
-        time.sleep(max(self._due - time.monotonic(), 0.0))
+        time.sleep(self.pace.rest(time.monotonic()))
 
     def _listen(self, waits: bool) -> None:
         """Reads commands; in lock step waits for that of the last sample.

@@ -13,6 +13,7 @@ waist are commanded by pitch and roll (mode_pr 0).
 import ctypes
 import functools
 import time
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -46,6 +47,7 @@ from nadia_balance.wire.messages import (
 
 MACHINES = (2, 5)  # the first and the present G1 with 29 joints
 MOTORS = 35
+DEPTH = 64  # of a queue: an eighth of a second of messages
 HEARD = 0.5  # for which a rival that was heard counts as there [s]
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _ARM = (
@@ -234,7 +236,9 @@ class _Reader:
     """A queue of the messages of a topic that others send."""
 
     def __init__(self, participant: Any, topic: str, kind: Any) -> None:
-        queue = Qos(Policy.History.KeepLast(64), Policy.IgnoreLocal.Participant)
+        queue = Qos(
+            Policy.History.KeepLast(DEPTH), Policy.IgnoreLocal.Participant
+        )
         self._topic = Topic(participant, topic, kind)
         self._reader = DataReader(participant, self._topic, qos=queue)
         self._topic.data_type = _Sample  # the parser
@@ -244,19 +248,26 @@ class _Reader:
         )
         self._wait = WaitSet(participant)
         self._wait.attach(self._condition)
+        self._samples: deque[_Sample] = deque(maxlen=DEPTH)
+
+    def waiting(self) -> int:
+        """The number of messages that have come and were not taken."""
+        self._samples.extend(
+            sample
+            for sample in self._reader.take(DEPTH)
+            if sample.sample_info.valid_data
+        )
+        return len(self._samples)
 
     def take(self, timeout: float) -> _Sample | None:
         """The next message, None if there is none in time."""
         end = time.monotonic() + timeout
-        while True:
-            samples: list[_Sample] = self._reader.take(1)
-            for sample in samples:
-                if sample.sample_info.valid_data:
-                    return sample
+        while not self._samples and not self.waiting():
             left = end - time.monotonic()
             if left <= 0.0:
                 return None
             self._wait.wait(duration(seconds=left))
+        return self._samples.popleft()
 
 
 class _Writer:
@@ -356,6 +367,14 @@ class UnitreeWire(_End):
             ),
             halt=bool(remote["keys"] & _STOP_BUTTON),
         )
+
+    def waiting(self) -> int:
+        """The number of states that have come and were not read.
+
+        Returns:
+            0 if the controller keeps up.
+        """
+        return self._states.waiting()
 
     def write(self, command: JointCommand) -> None:
         """Sends a command, for the machine that was heard last.

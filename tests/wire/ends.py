@@ -20,10 +20,13 @@ def assert_states_arrive(robot, controller, n: int, tolerance: float) -> None:
         ),
         state(1.236, n=n),
     ]
+    assert controller.waiting() == 0
     for one in sent:
         robot.write(one)
-    for one in sent:
+    wait_until(lambda: controller.waiting() == 2)
+    for left, one in zip((1, 0), sent, strict=True):
         assert_equal(controller.read(1.0), one, tolerance)
+        assert controller.waiting() == left
 
 
 def assert_commands_arrive(robot, controller, n: int, tolerance: float) -> None:
@@ -55,13 +58,17 @@ def assert_rivals_are_heard(robot, controller, other, n: int) -> None:
     message = command(n)
     controller.write(message)
     other.write(message)
-    end = time.monotonic() + 1.0
-    while not (controller.rivals() and other.rivals()):
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    wait_until(lambda: controller.rivals() and other.rivals())
     assert controller.rivals() == other.rivals() == 1
     assert len({robot.read(1.0)[0], robot.read(1.0)[0]}) == 2
     other.close()
+
+
+def wait_until(is_so) -> None:
+    end = time.monotonic() + 1.0
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def wait_for_each_other(robot, controller, n: int) -> None:

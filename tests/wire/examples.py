@@ -45,7 +45,7 @@ class FakeBalance:
 
     def __init__(self) -> None:
         self.shares = np.zeros(2)
-        self.ticks = []
+        self.ticks, self.passed = [], []
         self.begun = 0
         self.fault, self.fall, self.is_broken = None, "", False
 
@@ -68,6 +68,9 @@ class FakeBalance:
         if self.is_broken:
             return JointCommand(*np.full((5, N), np.nan))
         return command(seed=len(self.ticks))
+
+    def estimate(self, imu, state):
+        self.passed.append((state.time, imu))
 
     def finish(self) -> None:
         pass
