@@ -121,10 +121,15 @@ class ClosedLoop(Diagram):
 
     @property
     def velocity_limits(self) -> np.ndarray[Any, Any]:
-        """Least and most of a velocity command, (2, 3): [m/s], [rad/s]."""
-        return velocity_limits(
-            self.scenario.controller.footstep_planner, self.robot.point_mass
-        )
+        """Least and most of a velocity command, (2, 3): [m/s], [rad/s].
+
+        Those of the controller, if it has any; by default the planner's.
+        """
+        limits = getattr(self.controller, "velocity_limits", None)
+        if limits is None:
+            planner = self.scenario.controller.footstep_planner
+            limits = velocity_limits(planner, self.robot.point_mass)
+        return np.asarray(limits)
 
     def remarks(self) -> list[str]:
         """Returns what a user should know of the robot, and of its commands.

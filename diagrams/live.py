@@ -88,6 +88,8 @@ class LiveSession:
             LiveControls, diagram.GetSubsystemByName(CONTROLS)
         )
         self._limits = diagram.velocity_limits
+        # A policy clips each part of a command by itself.
+        self._is_planned = diagram.controller.HasOutputPort("footsteps")
         self._clicks = dict.fromkeys((PAUSE, RESET, STOP), 0)
         for name, key in (PAUSE, "Space"), (RESET, "KeyR"), (STOP, ""):
             meshcat.AddButton(name, key)
@@ -132,7 +134,8 @@ class LiveSession:
             f"t = {self.context.get_time():.2f} s, {mode}{during}",
             *velocity_lines(self._commanded, self._walked),
         ]
-        if too_much := clipped_words(self._commanded, self._limits):
+        too_much = clipped_words(self._commanded, self._limits)
+        if too_much and self._is_planned:
             lines.append(too_much)
         if self._error is not None:
             lines.append(f"ICP error {self._error:.3f} m")

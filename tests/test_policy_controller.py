@@ -24,7 +24,7 @@ from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
 from nadia_balance.scripts import envelope, push
 from nadia_balance.sweep.run_trial import run_trial, search
-from nadia_balance.view.live_controls import FORWARD, PUSH, SIZE
+from nadia_balance.view.live_controls import FORWARD, PUSH, SIZE, TURN
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix, running
 from tests.clicks import click
@@ -247,6 +247,36 @@ def test_the_user_commands_it_where_the_scenario_does_not(made):
     command = policy.GetInputPort("velocity_command").Eval(context)
     assert command == pytest.approx([0.2, 0.0, 0.0])
     assert {*meshcat.GetButtonNames()} == {"Push", "Stop walking"}
+
+
+def test_a_live_page_commands_what_its_contract_allows(made):
+    """Oracle: by hand, from the contract; without it, our planner's limits.
+
+    Ours bound a command that goes forward and turns as a whole, the policy's
+    do not.
+    """
+    ranges = [[-0.4, 0.9], [-0.1, 0.2], [-0.6, 0.5]]
+    scenario = endless(load_scenario("push", robot="g1"))
+    path, meshcat = made(0.0 * W, 0.0 * B), start_meshcat()[0]
+    diagram = closed_loop(
+        scenario,
+        controller=path,
+        meshcat=meshcat,
+        contract=[f"{{command_limits: {ranges}}}"],
+    )
+    np.testing.assert_allclose(diagram.velocity_limits.T, ranges)
+    session = LiveSession(diagram, meshcat, print)
+    for name in FORWARD, TURN:
+        meshcat.SetSliderValue(name, 9.0)
+    values = [meshcat.GetSliderValue(name) for name in (FORWARD, TURN)]
+    assert values == pytest.approx([0.9, 0.5])
+    session.tick()
+    assert "0.90" in session.status()[1]
+    assert not any("more than it can walk" in line for line in session.status())
+    plain = closed_loop(scenario, controller=path)
+    np.testing.assert_allclose(
+        plain.velocity_limits, closed_loop(scenario).velocity_limits
+    )
 
 
 def test_it_is_pushed_in_a_live_page(made, monkeypatch):

@@ -115,9 +115,9 @@ class PolicyController(Block):
         )
         self._scale = np.array(params.action_scale)
         self._targets = np.array(params.target_limits or [[-np.inf, np.inf]]).T
-        self._commands = np.array(
-            params.command_limits or [[-np.inf, np.inf]]
-        ).T
+        # Least and most of a velocity command (2, 3); None: it takes any.
+        limits = params.command_limits
+        self.velocity_limits = np.array(limits).T if limits else None
         self._limits: Any = plant.GetEffortUpperLimits()[places]
         self._actuators = np.argsort(places)  # from the policy's order
         self._state = input_port(
@@ -177,7 +177,10 @@ class PolicyController(Block):
         return self._layout.ticks(now, _value(context, self._past))
 
     def _commanded(self, context: Context) -> Array:
-        return np.asarray(np.clip(self._command(context), *self._commands))
+        command = np.asarray(self._command(context))
+        if self.velocity_limits is None:
+            return command
+        return command.clip(*self.velocity_limits)
 
     def _advanced(self, context: Context) -> Array:
         """The phases (2,) of the next tick."""
