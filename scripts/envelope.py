@@ -88,11 +88,13 @@ def main(argv: list[str] | None = None) -> int:
                 name: load_scenario(name, rows.folder / SCENARIO)
                 for name in rows.identity["scenario"].split(",")
             }
-            limits.check_beside(args.beside, rows.identity["robot"])
+            limits.check_beside(
+                args.beside, rows.identity["robot"], rows.by_cell()
+            )
         return _report(rows, scenarios, args.beside)
     with parser.refusing():
         sweep = sweep_from(args)
-        limits.check_beside(args.beside, sweep.one.robot)
+        limits.check_beside(args.beside, sweep.one.robot, sweep.cells())
         sweep.first = limits.first_pushes(sweep)
     args.out = args.out or Path(
         f"envelopes/{datetime.now():%Y-%m-%d_%H-%M-%S}_{args.protocol}"

@@ -4,7 +4,7 @@ Beside each limit stand those of the papers' figures, and of any controller.
 """
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -429,31 +429,42 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
     return first
 
 
-def check_beside(folder: Path | None, robot: str) -> None:
+def check_beside(
+    folder: Path | None, robot: str, cells: Collection[Cell]
+) -> None:
     """Checks a sweep that another one is compared with.
 
     Args:
         folder: of that sweep; None: there is none.
         robot: of the other one.
+        cells: of the other one.
 
     Raises:
-        ValueError: it has no limits, or those of another robot.
+        ValueError: it has no limits, or those of another robot, or none of
+            these cells.
     """
     if folder is None:
         return
-    known_limits(folder)
+    shared = known_limits(folder, "beside").keys() & cells
     of_robot = Rows.read(folder).identity["robot"]
     require(
         of_robot == robot,
         f"beside = {str(folder)!r}: must be of {robot}, not of {of_robot}",
     )
+    mechanisms = max({cell.mechanisms for cell in cells}, key=[*NAMED].index)
+    require(
+        any(cell.mechanisms == mechanisms for cell in shared),
+        f"beside = {str(folder)!r}: must have a limit of the same scenario, "
+        f"moment and direction, with {mechanisms}",
+    )
 
 
-def known_limits(folder: Path) -> dict[Cell, float]:
+def known_limits(folder: Path, field: str = "limits") -> dict[Cell, float]:
     """The limits that a sweep has found.
 
     Args:
         folder: of the sweep.
+        field: that names it, for the error.
 
     Returns:
         Limits [m/s] by cell; 0 where none is known.
@@ -475,6 +486,6 @@ def known_limits(folder: Path) -> dict[Cell, float]:
             raise ValueError
     except (FileNotFoundError, csv.Error, KeyError, TypeError, ValueError):
         raise ValueError(
-            f"limits = {str(folder)!r}: must have a {LIMITS}"
+            f"{field} = {str(folder)!r}: must have a {LIMITS}"
         ) from None
     return limits

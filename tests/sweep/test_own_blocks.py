@@ -128,6 +128,12 @@ def test_a_sweep_takes_the_adjuster_of_the_page(here, capsys, monkeypatch):
     # The point mass may step if an adjuster of one's own might.
     limits = {name: point_mass_limit(here / name) for name in flags}
     assert limits["mine"] > limits["ours"]
+    other = [*argv[:-1], "other", "--directions", "90,"]
+    assert_refused(
+        run_script(envelope, other, capsys),
+        "beside = 'ours': must have a limit of the same scenario, moment and "
+        "direction, with icp_only",
+    )
     identity = Rows.read(here / "mine").identity
     name, digest = identity["block step_adjuster"].split(" ")
     assert (name, len(digest)) == ("mine:ErrorStepAdjuster", 16)
@@ -209,7 +215,7 @@ def test_a_worker_that_cannot_make_it_says_so(here):
         (["--block", "adjuster=mine:ErrorStepAdjuster"], "block = 'adjuster':"),
         (["--block", "momentum_qp=mine:ErrorStepAdjuster"], "must have the ou"),
         (["--block", "step_adjuster=os:PathLike"], "must be made with some of"),
-        (["--beside", "nowhere"], "limits = 'nowhere': must have a limits.csv"),
+        (["--beside", "nowhere"], "beside = 'nowhere': must have a limits.csv"),
         (["--controller", "mine:Relaxed"], "controller = 'mine:Relaxed': must"),
     ],
 )
