@@ -33,6 +33,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
@@ -193,26 +194,22 @@ class HumanoidDiagram(ClosedLoop):
     ) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
         named = f"controller = {type(controller).__name__}"
-        if blocks:
-            raise ValueError(
-                f"{named}: must not come with blocks: {', '.join(blocks)}"
-            )
+        require(
+            not blocks,
+            f"{named}: must not come with blocks: {', '.join(blocks)}",
+        )
         states = self.plant.num_multibody_states()
         actuators = self.plant.num_actuated_dofs()
-        if (
-            not controller.HasInputPort("estimated_state")
-            or controller.GetInputPort("estimated_state").size() != states
-        ):
-            raise ValueError(
-                f"{named}: must have a port 'estimated_state' of size {states}"
-            )
-        if (
-            not controller.HasOutputPort("actuation")
-            or controller.GetOutputPort("actuation").size() != actuators
-        ):
-            raise ValueError(
-                f"{named}: must have a port 'actuation' of size {actuators}"
-            )
+        require(
+            controller.HasInputPort("estimated_state")
+            and controller.GetInputPort("estimated_state").size() == states,
+            f"{named}: must have a port 'estimated_state' of size {states}",
+        )
+        require(
+            controller.HasOutputPort("actuation")
+            and controller.GetOutputPort("actuation").size() == actuators,
+            f"{named}: must have a port 'actuation' of size {actuators}",
+        )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""

@@ -183,8 +183,9 @@ def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
             f"{name} must be ({len(t)}, {size})",
         )
     log = bridged(t, log)
-    if log["imu"][0, 5] < 0.0:
-        raise ValueError("force_z must be 9.81 m/s^2 while it stands")
+    require(
+        log["imu"][0, 5] >= 0.0, "force_z must be 9.81 m/s^2 while it stands"
+    )
     return log
 
 

@@ -374,8 +374,7 @@ def limits_of(
     push = replace(scenario.pushes[0], point=None)
     diagram = LipmDiagram(scenario.changed(pushes=[push]))
     context, run = walk_to_push(diagram)
-    if not run.until:
-        raise ValueError(f"at = {push.at!r}: must be in the walk")
+    require(run.until, f"at = {push.at!r}: must be in the walk")
     limit = limit_from(
         diagram, context, model=robot.point_mass, push_duration=push.duration
     )
