@@ -410,6 +410,18 @@ def joint_speed_ratio(log: Log) -> Array:
     return joint_speed(log) / log["joint_speed_limits"]
 
 
+def positive_power(log: Log) -> Array:
+    """The power of the drives that do not brake.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The sum over all joints (n,) [W].
+    """
+    return np.asarray(_powers(log).clip(0.0).sum(axis=1))
+
+
 def _powers(log: Log) -> Array:
     """Mechanical power (n, nu) [W] of each drive; negative while braking."""
     return np.asarray(
@@ -478,16 +490,6 @@ def _qps(log: Log) -> list[Any]:
     ]
 
 
-def _qp_failures(log: Log) -> int:
-    return sum(
-        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
-    )
-
-
-def _qp_fallbacks(log: Log) -> int:
-    return sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(log))
-
-
 def _qp_violations(log: Log) -> Array:
     """Violations (n,) of the constraints in the solves that succeeded."""
     return np.concatenate(
@@ -534,11 +536,7 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "max_joint_speed": (("state",), joint_speed),
     "max_joint_speed_ratio": (("joint_speed_limits",), joint_speed_ratio),
     "max_power_w": (("torques",), lambda x: _powers(x).sum(axis=1)),
-    # Power of the drives that do not brake.
-    "positive_power_w": (
-        ("torques",),
-        lambda x: _powers(x).clip(0.0).sum(axis=1),
-    ),
+    "positive_power_w": (("torques",), positive_power),
     "mean_swing_foot_speed": (("foot_poses",), _swing_speeds),
     # Each force is the mean of a tick.
     "max_impact_body_weights": (
@@ -548,7 +546,15 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "estimate": (ESTIMATE, measure_estimate),
     "min_sole_distance_m": (("foot_poses",), _sole_distance),
     "min_edge_distances_m": (("ground",), _edge_distances),
-    "qp_failures": (("t",), _qp_failures),
-    "qp_fallbacks": (("t",), _qp_fallbacks),
+    "qp_failures": (
+        ("t",),
+        lambda x: sum(
+            int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(x)
+        ),
+    ),
+    "qp_fallbacks": (
+        ("t",),
+        lambda x: sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(x)),
+    ),
     "max_qp_violation": (("t",), _qp_violations),
 }
