@@ -268,8 +268,10 @@ class ClosedLoop(Diagram):
             if system.HasOutputPort(name)
         }
         if meshcat is not None and "walking_state" in self.signals:
-            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
-            builder.AddNamedSystem("balance_visualizer", view)
+            view = builder.AddNamedSystem(
+                "balance_visualizer",
+                BalanceVisualizer(meshcat, self.robot.sole, self._ground),
+            )
             for name in filter(self.signals.get, DRAWN):
                 builder.Connect(self.signals[name], view.GetInputPort(name))
             if "capture_regions" in self.signals:
@@ -280,8 +282,9 @@ class ClosedLoop(Diagram):
             name: self.signals[name] for name in LOGGED if name in self.signals
         } | ports
         self._sizes = {name: port.size() for name, port in logged.items()}
-        multiplexer = Multiplexer(list(self._sizes.values()))
-        builder.AddNamedSystem("log_multiplexer", multiplexer)
+        multiplexer = builder.AddNamedSystem(
+            "log_multiplexer", Multiplexer(list(self._sizes.values()))
+        )
         for i, port in enumerate(logged.values()):
             builder.Connect(port, multiplexer.get_input_port(i))
         self._log = LogVectorOutput(

@@ -141,8 +141,9 @@ class HumanoidDiagram(ClosedLoop):
         else:
             self._check_controller(controller, blocks)
             self.replaced = told_blocks({"controller": controller})
-        self.controller = controller
-        builder.AddNamedSystem("balance_controller", controller)
+        self.controller = builder.AddNamedSystem(
+            "balance_controller", controller
+        )
         self.push = PushSource(
             scenario.pushes,
             self.robot.mass,
@@ -151,15 +152,17 @@ class HumanoidDiagram(ClosedLoop):
             self.robot.pelvis_body,
         )
         builder.AddNamedSystem("push_source", self.push)
-        self.sensor = FootForceSensor(
-            self.plant,
-            self.robot,
-            period,
-            self.engine,
-            self._sensors,
-            scenario.seed,
+        self.sensor = builder.AddNamedSystem(
+            "foot_force_sensor",
+            FootForceSensor(
+                self.plant,
+                self.robot,
+                period,
+                self.engine,
+                self._sensors,
+                scenario.seed,
+            ),
         )
-        builder.AddNamedSystem("foot_force_sensor", self.sensor)
         self._close_loop(builder, meshcat, sources or {})
         if meshcat is not None:
             self._draw(builder, meshcat)
@@ -255,8 +258,10 @@ class HumanoidDiagram(ClosedLoop):
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
-            clock = ContactClock(self.robot.mass * GRAVITY, self.push.period)
-            builder.AddNamedSystem("contact_clock", clock)
+            clock = builder.AddNamedSystem(
+                "contact_clock",
+                ContactClock(self.robot.mass * GRAVITY, self.push.period),
+            )
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
         self.timing = clock.GetOutputPort("walking_state")
@@ -295,9 +300,8 @@ class HumanoidDiagram(ClosedLoop):
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
             builder.AddNamedSystem("joint_drives", self._drives)
-            command = "actuation"
-            if commander.HasOutputPort("joint_command"):
-                command = "joint_command"
+            has_gains = commander.HasOutputPort("joint_command")
+            command = "joint_command" if has_gains else "actuation"
             connect(builder, commander, self._drives, command)
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
@@ -314,13 +318,15 @@ class HumanoidDiagram(ClosedLoop):
             state = self._measured["estimated_state"]
         forces = feet.GetOutputPort("foot_forces")
         if scenario.imperfections.has_noise or scenario.delay:
-            sensor = StateSensor(
-                self.plant,
-                replace(scenario.imperfections, delay=scenario.delay),
-                self.push.period,
-                scenario.seed,
+            sensor = builder.AddNamedSystem(
+                "state_sensor",
+                StateSensor(
+                    self.plant,
+                    replace(scenario.imperfections, delay=scenario.delay),
+                    self.push.period,
+                    scenario.seed,
+                ),
             )
-            builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, feet, sensor, "foot_forces")
             state = sensor.GetOutputPort("measured_state")
@@ -337,21 +343,24 @@ class HumanoidDiagram(ClosedLoop):
         seed, period = self.scenario.seed, self.push.period
         assert self._sensors is not None
         level = self._ground is None or self._ground.is_level
-        estimator = StateEstimator(
-            self.robot,
-            self._sensors,
-            period,
-            StateEstimator.told(self._standing, seed),
-            0.0 if level and self.scenario.terrain.seen else None,
-            self.scenario.estimator,
+        estimator = builder.AddNamedSystem(
+            "state_estimator",
+            StateEstimator(
+                self.robot,
+                self._sensors,
+                period,
+                StateEstimator.told(self._standing, seed),
+                0.0 if level and self.scenario.terrain.seen else None,
+                self.scenario.estimator,
+            ),
         )
-        builder.AddNamedSystem("state_estimator", estimator)
         for name, kind, signal in (
             ("imu", Imu, "imu"),
             ("joint_encoders", JointEncoders, "joints"),
         ):
-            sensor = kind(self.robot, self._sensors, period, seed)
-            builder.AddNamedSystem(name, sensor)
+            sensor = builder.AddNamedSystem(
+                name, kind(self.robot, self._sensors, period, seed)
+            )
             self._measured[signal] = sensor.GetOutputPort(signal)
             connect(builder, self.engine, sensor, "state")
             connect(builder, sensor, estimator, signal)
@@ -367,8 +376,10 @@ class HumanoidDiagram(ClosedLoop):
         """The sensor of the foot forces, or else their estimator."""
         if sensors.foot_forces == "measured":
             return self.sensor
-        feet = FootForceEstimator(self.robot, sensors, self.push.period)
-        builder.AddNamedSystem("foot_force_estimator", feet)
+        feet = builder.AddNamedSystem(
+            "foot_force_estimator",
+            FootForceEstimator(self.robot, sensors, self.push.period),
+        )
         for name in ("imu", "joints"):
             builder.Connect(self._measured[name], feet.GetInputPort(name))
         builder.Connect(self._torques, feet.GetInputPort("torques"))
