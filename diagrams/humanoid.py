@@ -236,12 +236,12 @@ class HumanoidDiagram(ClosedLoop):
         """The robot's shapes: 1 for each of its feet, 2 for all others."""
         feet = set(self.robot.foot_bodies.values())
         pelvis = self.plant.GetBodyByName(self.robot.pelvis_body)
-        parts = {}
-        for index in self.plant.GetBodyIndices(pelvis.model_instance()):
-            body = self.plant.get_body(index)
-            for shape in self.plant.GetCollisionGeometriesForBody(body):
-                parts[shape] = 1 if body.name() in feet else 2
-        return parts
+        links = self.plant.GetBodyIndices(pelvis.model_instance())
+        return {
+            shape: 1 if body.name() in feet else 2
+            for body in map(self.plant.get_body, links)
+            for shape in self.plant.GetCollisionGeometriesForBody(body)
+        }
 
     def _close_loop(
         self,
@@ -366,8 +366,10 @@ class HumanoidDiagram(ClosedLoop):
             connect(builder, sensor, estimator, signal)
         feet = self._add_foot_forces(builder, self._sensors)
         connect(builder, feet, estimator, "foot_forces")
-        for name in ("estimated_state", "estimate_covariance"):
-            self._measured[name] = estimator.GetOutputPort(name)
+        self._measured |= {
+            name: estimator.GetOutputPort(name)
+            for name in ("estimated_state", "estimate_covariance")
+        }
         return feet
 
     def _add_foot_forces(

@@ -103,8 +103,10 @@ def tour_scenario(scenario: Scenario, stage: str, seed: int) -> Scenario:
         stage in STAGES,
         f"stage = {stage!r}: must be one of {', '.join(STAGES)}",
     )
-    replaced = {"pushes": scenario.pushes, "commands": scenario.commands}
-    for name, value in replaced.items():
+    for name, value in (
+        ("pushes", scenario.pushes),
+        ("commands", scenario.commands),
+    ):
         require(not value, f"{name} = {value}: must be absent, it is drawn")
     drawn = wheel()
     robot = load_robot(scenario.robot, scenario.fidelity)

@@ -154,13 +154,12 @@ def _layers(
     network: Network, motors: Sequence[str], given: Sequence[str]
 ) -> Iterator[Layer]:
     """The layers of a contract, the first one below all."""
-    file = network.path.name
     if holosoma.is_holosoma(network.metadata):
         with naming(network.name):
             tree = holosoma.metadata_tree(network.metadata)
         robot, defaults = holosoma.default_tree(tree["joints"])
         yield Layer(f"default, holosoma's {robot}", defaults)
-        yield Layer(f"metadata of {file}", tree)
+        yield Layer(f"metadata of {network.path.name}", tree)
     for source in contract_files(network.path, given):
         if is_text(source):
             with naming(_FLAG):

@@ -138,11 +138,16 @@ def walked_velocity(log: Log) -> tuple[Array, float] | None:
     if not {"walking_signal", "com_state"} <= {*log} or len(times) < 2:
         return None
     window = 2.0 * float(np.median(np.diff(times)))
-    watch, velocity = VelocityWatch(window), []
+    watch = VelocityWatch(window)
     places = signal_view(log, "com_state").position[:2].T
-    for row, time in enumerate(log["t"]):
-        heading = _heading(signal_view(log, "walking_signal", row))
-        velocity.append(watch.look(float(time), places[row], heading))
+    velocity = [
+        watch.look(
+            float(time),
+            place=places[row],
+            heading=_heading(signal_view(log, "walking_signal", row)),
+        )
+        for row, time in enumerate(log["t"])
+    ]
     return np.array(velocity), window
 
 
@@ -363,9 +368,11 @@ def torque_ratio(log: Log) -> Array:
     Returns:
         |torque| / limit (n, nu) [-]; empty without joints.
     """
-    if "effort_limits" not in log:
-        return np.zeros((0, 0))
-    return np.abs(log["actuation"]) / log["effort_limits"]
+    return (
+        np.abs(log["actuation"]) / log["effort_limits"]
+        if "effort_limits" in log
+        else np.zeros((0, 0))
+    )
 
 
 def torque_step_ratio(log: Log) -> float | None:
@@ -391,9 +398,11 @@ def joint_speed(log: Log) -> Array:
     Returns:
         |joint speed| (n, nu) [rad/s]; empty without joints.
     """
-    if "joint_speed_columns" not in log:
-        return np.zeros((0, 0))
-    return np.abs(log["state"][:, log["joint_speed_columns"]])
+    return (
+        np.abs(log["state"][:, log["joint_speed_columns"]])
+        if "joint_speed_columns" in log
+        else np.zeros((0, 0))
+    )
 
 
 def joint_speed_ratio(log: Log) -> Array:
@@ -405,9 +414,11 @@ def joint_speed_ratio(log: Log) -> Array:
     Returns:
         |joint speed| / limit (n, nu) [-]; empty without joints or limits.
     """
-    if "joint_speed_limits" not in log:
-        return np.zeros((0, 0))
-    return joint_speed(log) / log["joint_speed_limits"]
+    return (
+        joint_speed(log) / log["joint_speed_limits"]
+        if "joint_speed_limits" in log
+        else np.zeros((0, 0))
+    )
 
 
 def positive_power(log: Log) -> Array:

@@ -285,11 +285,11 @@ def limit_table(
         for name in mechanisms:
             allowed = NAMED[[*MECHANISMS][-1] if has_own else name]
             on = [replace(limit, on=allowed) for limit in limits]
-            for direction in directions:
-                cell = Cell(*situation, name, direction)
-                records.append(
-                    _record(cell, rows.identity, groups.get(cell, []), on)
-                )
+            cells = [Cell(*situation, name, one) for one in directions]
+            records += [
+                _record(cell, rows.identity, groups.get(cell, []), on)
+                for cell in cells
+            ]
     return LimitTable(
         identity=rows.identity,
         situations=situations,

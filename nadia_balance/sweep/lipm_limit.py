@@ -148,10 +148,14 @@ class LipmLimit:
             does.
         """
         forward = np.array([1.0, 0.0])
-        for n in range(len(self._steps) + 1):
-            if self._best(forward, [n], upper_bound=0.0) >= -_BETTER:
-                return n
-        return LOST
+        return next(
+            (
+                n
+                for n in range(len(self._steps) + 1)
+                if self._best(forward, [n], upper_bound=0.0) >= -_BETTER
+            ),
+            LOST,
+        )
 
     def _best(
         self,

@@ -436,8 +436,7 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
     )
     groups: dict[tuple[Any, ...], list[Trial]] = {}
     for trial in trials:
-        key = tuple(trial[name] for name in _KEY)
-        groups.setdefault(key, []).append(trial)
+        groups.setdefault(tuple(trial[n] for n in _KEY), []).append(trial)
     for one in row.limits:
         group, name = groups.get(one.key, []), ", ".join(map(str, one.key))
         results = results_of(group)

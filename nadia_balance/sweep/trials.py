@@ -380,8 +380,9 @@ def of_process(
         hashes["controller"] = _hashed(controller)
         if not names_class(controller):
             hashes |= _hashed_contract(controller, contract)
-    for role, name in (blocks or {}).items():
-        hashes[f"{BLOCK}{role}"] = _hashed(name)
+    hashes |= {
+        f"{BLOCK}{role}": _hashed(name) for role, name in (blocks or {}).items()
+    }
     return versions(scenario.engine) | hashes
 
 
