@@ -33,7 +33,7 @@ from nadia_balance.core.plan.footstep_plan import velocity_limits, within_limits
 from nadia_balance.core.walking.state import FootPose, FootPoses
 from nadia_balance.diagrams.region_log import add_region_log, region_rows
 from nadia_balance.diagrams.scenario import Scenario
-from nadia_balance.parameters.bounds import check, check_type
+from nadia_balance.parameters.bounds import check, check_type, require
 from nadia_balance.parameters.yaml_reader import check_types, field_types
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
@@ -218,13 +218,15 @@ class ClosedLoop(Diagram):
             sources[COMMAND] = self._commands(builder)
         for name, source in sources.items():
             named = f"sources[{name!r}] = {type(source).__name__}"
-            if name in WIRED or not controller.HasInputPort(name):
-                raise ValueError(
-                    f"{named}: must be of an open input: velocity_command, or "
-                    "one that a missing block leaves"
-                )
-            if not source.HasOutputPort(name):
-                raise ValueError(f"{named}: must have an output {name!r}")
+            require(
+                name not in WIRED and controller.HasInputPort(name),
+                f"{named}: must be of an open input: velocity_command, or "
+                "one that a missing block leaves",
+            )
+            require(
+                source.HasOutputPort(name),
+                f"{named}: must have an output {name!r}",
+            )
             if source.get_name() in ("", "_"):
                 source.set_name(f"{name}_source")
             if not builder.HasSubsystemNamed(source.get_name()):
@@ -271,8 +273,10 @@ class ClosedLoop(Diagram):
             if system.HasOutputPort(name)
         }
         if meshcat is not None and "walking_state" in self.signals:
-            view = BalanceVisualizer(meshcat, self.robot.sole, self._ground)
-            builder.AddNamedSystem("balance_visualizer", view)
+            view = builder.AddNamedSystem(
+                "balance_visualizer",
+                BalanceVisualizer(meshcat, self.robot.sole, self._ground),
+            )
             for name in filter(self.signals.get, DRAWN):
                 builder.Connect(self.signals[name], view.GetInputPort(name))
             if "capture_regions" in self.signals:
@@ -283,8 +287,9 @@ class ClosedLoop(Diagram):
             name: self.signals[name] for name in LOGGED if name in self.signals
         } | ports
         self._sizes = {name: port.size() for name, port in logged.items()}
-        multiplexer = Multiplexer(list(self._sizes.values()))
-        builder.AddNamedSystem("log_multiplexer", multiplexer)
+        multiplexer = builder.AddNamedSystem(
+            "log_multiplexer", Multiplexer(list(self._sizes.values()))
+        )
         for i, port in enumerate(logged.values()):
             builder.Connect(port, multiplexer.get_input_port(i))
         self._log = LogVectorOutput(

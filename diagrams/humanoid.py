@@ -33,6 +33,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
+from nadia_balance.parameters.bounds import require
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
@@ -140,8 +141,9 @@ class HumanoidDiagram(ClosedLoop):
         else:
             self._check_controller(controller, blocks)
             self.replaced = told_blocks({"controller": controller})
-        self.controller = controller
-        builder.AddNamedSystem("balance_controller", controller)
+        self.controller = builder.AddNamedSystem(
+            "balance_controller", controller
+        )
         self.push = PushSource(
             scenario.pushes,
             self.robot.mass,
@@ -150,15 +152,17 @@ class HumanoidDiagram(ClosedLoop):
             self.robot.pelvis_body,
         )
         builder.AddNamedSystem("push_source", self.push)
-        self.sensor = FootForceSensor(
-            self.plant,
-            self.robot,
-            period,
-            self.engine,
-            self._sensors,
-            scenario.seed,
+        self.sensor = builder.AddNamedSystem(
+            "foot_force_sensor",
+            FootForceSensor(
+                self.plant,
+                self.robot,
+                period,
+                self.engine,
+                self._sensors,
+                scenario.seed,
+            ),
         )
-        builder.AddNamedSystem("foot_force_sensor", self.sensor)
         self._close_loop(builder, meshcat, sources or {})
         if meshcat is not None:
             self._draw(builder, meshcat)
@@ -193,26 +197,22 @@ class HumanoidDiagram(ClosedLoop):
     ) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
         named = f"controller = {type(controller).__name__}"
-        if blocks:
-            raise ValueError(
-                f"{named}: must not come with blocks: {', '.join(blocks)}"
-            )
+        require(
+            not blocks,
+            f"{named}: must not come with blocks: {', '.join(blocks)}",
+        )
         states = self.plant.num_multibody_states()
         actuators = self.plant.num_actuated_dofs()
-        if (
-            not controller.HasInputPort("estimated_state")
-            or controller.GetInputPort("estimated_state").size() != states
-        ):
-            raise ValueError(
-                f"{named}: must have a port 'estimated_state' of size {states}"
-            )
-        if (
-            not controller.HasOutputPort("actuation")
-            or controller.GetOutputPort("actuation").size() != actuators
-        ):
-            raise ValueError(
-                f"{named}: must have a port 'actuation' of size {actuators}"
-            )
+        require(
+            controller.HasInputPort("estimated_state")
+            and controller.GetInputPort("estimated_state").size() == states,
+            f"{named}: must have a port 'estimated_state' of size {states}",
+        )
+        require(
+            controller.HasOutputPort("actuation")
+            and controller.GetOutputPort("actuation").size() == actuators,
+            f"{named}: must have a port 'actuation' of size {actuators}",
+        )
 
     def _add_plant(self, builder: DiagramBuilder) -> None:
         """Adds the engine: the plant itself, or a MujocoPlant."""
@@ -236,12 +236,12 @@ class HumanoidDiagram(ClosedLoop):
         """The robot's shapes: 1 for each of its feet, 2 for all others."""
         feet = set(self.robot.foot_bodies.values())
         pelvis = self.plant.GetBodyByName(self.robot.pelvis_body)
-        parts = {}
-        for index in self.plant.GetBodyIndices(pelvis.model_instance()):
-            body = self.plant.get_body(index)
-            for shape in self.plant.GetCollisionGeometriesForBody(body):
-                parts[shape] = 1 if body.name() in feet else 2
-        return parts
+        links = self.plant.GetBodyIndices(pelvis.model_instance())
+        return {
+            shape: 1 if body.name() in feet else 2
+            for body in map(self.plant.get_body, links)
+            for shape in self.plant.GetCollisionGeometriesForBody(body)
+        }
 
     def _close_loop(
         self,
@@ -258,8 +258,10 @@ class HumanoidDiagram(ClosedLoop):
         self._sense(builder)
         clock = controller
         if not controller.HasOutputPort("walking_state"):
-            clock = ContactClock(self.robot.mass * GRAVITY, self.push.period)
-            builder.AddNamedSystem("contact_clock", clock)
+            clock = builder.AddNamedSystem(
+                "contact_clock",
+                ContactClock(self.robot.mass * GRAVITY, self.push.period),
+            )
             connect(builder, self.sensor, clock, "foot_forces")
         connect(builder, clock, self.push, "walking_state")
         self.timing = clock.GetOutputPort("walking_state")
@@ -298,9 +300,8 @@ class HumanoidDiagram(ClosedLoop):
         if self.robot.drives is not None:
             self._drives = JointDrives(self.plant, self.robot, self._hold)
             builder.AddNamedSystem("joint_drives", self._drives)
-            command = "actuation"
-            if commander.HasOutputPort("joint_command"):
-                command = "joint_command"
+            has_gains = commander.HasOutputPort("joint_command")
+            command = "joint_command" if has_gains else "actuation"
             connect(builder, commander, self._drives, command)
             connect(builder, self.engine, self._drives, "state")
             self._torques = self._drives.GetOutputPort("torques")
@@ -317,13 +318,15 @@ class HumanoidDiagram(ClosedLoop):
             state = self._measured["estimated_state"]
         forces = feet.GetOutputPort("foot_forces")
         if scenario.imperfections.has_noise or scenario.delay:
-            sensor = StateSensor(
-                self.plant,
-                replace(scenario.imperfections, delay=scenario.delay),
-                self.push.period,
-                scenario.seed,
+            sensor = builder.AddNamedSystem(
+                "state_sensor",
+                StateSensor(
+                    self.plant,
+                    replace(scenario.imperfections, delay=scenario.delay),
+                    self.push.period,
+                    scenario.seed,
+                ),
             )
-            builder.AddNamedSystem("state_sensor", sensor)
             builder.Connect(state, sensor.GetInputPort("state"))
             connect(builder, feet, sensor, "foot_forces")
             state = sensor.GetOutputPort("measured_state")
@@ -340,28 +343,33 @@ class HumanoidDiagram(ClosedLoop):
         seed, period = self.scenario.seed, self.push.period
         assert self._sensors is not None
         level = self._ground is None or self._ground.is_level
-        estimator = StateEstimator(
-            self.robot,
-            self._sensors,
-            period,
-            StateEstimator.told(self._standing, seed),
-            0.0 if level and self.scenario.terrain.seen else None,
-            self.scenario.estimator,
+        estimator = builder.AddNamedSystem(
+            "state_estimator",
+            StateEstimator(
+                self.robot,
+                self._sensors,
+                period,
+                StateEstimator.told(self._standing, seed),
+                0.0 if level and self.scenario.terrain.seen else None,
+                self.scenario.estimator,
+            ),
         )
-        builder.AddNamedSystem("state_estimator", estimator)
         for name, kind, signal in (
             ("imu", Imu, "imu"),
             ("joint_encoders", JointEncoders, "joints"),
         ):
-            sensor = kind(self.robot, self._sensors, period, seed)
-            builder.AddNamedSystem(name, sensor)
+            sensor = builder.AddNamedSystem(
+                name, kind(self.robot, self._sensors, period, seed)
+            )
             self._measured[signal] = sensor.GetOutputPort(signal)
             connect(builder, self.engine, sensor, "state")
             connect(builder, sensor, estimator, signal)
         feet = self._add_foot_forces(builder, self._sensors)
         connect(builder, feet, estimator, "foot_forces")
-        for name in ("estimated_state", "estimate_covariance"):
-            self._measured[name] = estimator.GetOutputPort(name)
+        self._measured |= {
+            name: estimator.GetOutputPort(name)
+            for name in ("estimated_state", "estimate_covariance")
+        }
         return feet
 
     def _add_foot_forces(
@@ -370,8 +378,10 @@ class HumanoidDiagram(ClosedLoop):
         """The sensor of the foot forces, or else their estimator."""
         if sensors.foot_forces == "measured":
             return self.sensor
-        feet = FootForceEstimator(self.robot, sensors, self.push.period)
-        builder.AddNamedSystem("foot_force_estimator", feet)
+        feet = builder.AddNamedSystem(
+            "foot_force_estimator",
+            FootForceEstimator(self.robot, sensors, self.push.period),
+        )
         for name in ("imu", "joints"):
             builder.Connect(self._measured[name], feet.GetInputPort(name))
         builder.Connect(self._torques, feet.GetInputPort("torques"))

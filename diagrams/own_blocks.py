@@ -128,8 +128,7 @@ def file_of(name: str) -> Path:
     Raises:
         ValueError: there is no such class, or none in a file.
     """
-    kind = class_of(name)
-    file = getattr(sys.modules[kind.__module__], "__file__", None)
+    file = getattr(sys.modules[class_of(name).__module__], "__file__", None)
     if file is None:
         raise ValueError(f"{name}: must be in a file")
     return Path(file)

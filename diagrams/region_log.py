@@ -85,5 +85,5 @@ def region_rows(times: Array, rows: Array) -> Array:
     number = regions[:, 0].repeat(MOST_CORNERS)
     corners = regions[:, 1:].reshape(-1, 2)
     time = times.repeat(2 * MOST_CORNERS)
-    unpacked = np.column_stack([time, number, corners])
-    return unpacked[np.isfinite(corners[:, 0])]
+    is_given = np.isfinite(corners[:, 0])
+    return np.column_stack([time, number, corners])[is_given]

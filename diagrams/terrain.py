@@ -179,10 +179,14 @@ def foot_beside(ground: Ground | None, schedule: ContactSchedule) -> str:
     Returns:
         Such as "left foot beside its region"; "" if each is on one.
     """
-    for side in filter(schedule.in_contact, Side):
-        if ground and ground.region_under(schedule.feet[side]) is None:
-            return f"{side.value} foot beside its region"
-    return ""
+    return next(
+        (
+            f"{side.value} foot beside its region"
+            for side in filter(schedule.in_contact, Side)
+            if ground and ground.region_under(schedule.feet[side]) is None
+        ),
+        "",
+    )
 
 
 @parameters

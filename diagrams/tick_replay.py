@@ -43,8 +43,7 @@ class Ticks:
     @property
     def walks(self) -> Any:
         """True for the ticks of walking: not those of standing (n,)."""
-        phases = self.walking_signal[:, 0]
-        return phases != PHASES.index(Phase.STANDING)
+        return self.walking_signal[:, 0] != PHASES.index(Phase.STANDING)
 
     @property
     def moves(self) -> Any:

@@ -26,6 +26,7 @@ from nadia_balance.diagrams.humanoid import HumanoidDiagram
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import advance, start
 from nadia_balance.parameters.bounds import require
+from nadia_balance.results.measurements import positive_power
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.plants import actuated_velocities, actuators
 from nadia_balance.systems.given_joints import GivenJoints, GivenMotion
@@ -102,8 +103,10 @@ def tour_scenario(scenario: Scenario, stage: str, seed: int) -> Scenario:
         stage in STAGES,
         f"stage = {stage!r}: must be one of {', '.join(STAGES)}",
     )
-    replaced = {"pushes": scenario.pushes, "commands": scenario.commands}
-    for name, value in replaced.items():
+    for name, value in (
+        ("pushes", scenario.pushes),
+        ("commands", scenario.commands),
+    ):
         require(not value, f"{name} = {value}: must be absent, it is drawn")
     drawn = wheel()
     robot = load_robot(scenario.robot, scenario.fidelity)
@@ -144,13 +147,14 @@ def punches_of(seed: int, plant: MultibodyPlant) -> list[Push]:
         One for each waypoint.
     """
     drawn = wheel()
-    links = []
-    for name in drawn.BENCH_MOTORS:
-        joint = plant.GetJointByName(name)
-        anchor = joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
-        links.append(
-            (joint.child_body().name(), joint.parent_body().name(), anchor)
+    links = [
+        (
+            joint.child_body().name(),
+            joint.parent_body().name(),
+            joint.frame_on_child().GetFixedPoseInBodyFrame().translation(),
         )
+        for joint in map(plant.GetJointByName, drawn.BENCH_MOTORS)
+    ]
     punches = []
     for punch in drawn.bench_punches(seed, links):
         x, y, z = punch.vector
@@ -178,15 +182,15 @@ def servo(robot: RobotModel) -> dict[str, tuple[float, float]]:
     Returns:
         Stiffness [N m/rad] and damping [N m s/rad] by joint.
     """
-    gains = {}
-    for actuator in actuators(robot.control_plant()):
-        damping = 2.0 * SERVO_RATIO * SERVO_SPEED
-        inertia = actuator.default_reflected_inertia()
-        gains[actuator.joint().name()] = (
-            inertia * SERVO_SPEED**2,
-            inertia * damping,
-        )
-    return gains
+    inertias = {
+        actuator.joint().name(): actuator.default_reflected_inertia()
+        for actuator in actuators(robot.control_plant())
+    }
+    damping = 2.0 * SERVO_RATIO * SERVO_SPEED
+    return {
+        name: (inertia * SERVO_SPEED**2, inertia * damping)
+        for name, inertia in inertias.items()
+    }
 
 
 def arm_motions(
@@ -206,24 +210,23 @@ def arm_motions(
     stance = dict(zip(drawn.BENCH_MOTORS, drawn.BENCH_STANCE, strict=True))
     paths = {name: [(0.0, stance[name])] for name in drawn.BENCH_ARMS}
     if walks:
-        limits = {}
-        for name in drawn.BENCH_ARMS:
-            joint = plant.GetJointByName(name)
-            limits[name] = (
+        limits = {
+            joint.name(): (
                 joint.position_lower_limits()[0],
                 joint.position_upper_limits()[0],
             )
+            for joint in map(plant.GetJointByName, drawn.BENCH_ARMS)
+        }
         paths = drawn.bench_arm_walk(
             seed,
             drawn.BENCH_WAYPOINTS * drawn.BENCH_POINT_S,
             limits,
             hands_clear(robot, stance),
         )
-    motions = {}
-    for name, path in paths.items():
-        times, positions = np.array(path).T
-        motions[name] = GivenMotion(times, positions, *gains[name])
-    return motions
+    return {
+        name: GivenMotion._make((*np.array(path).T, *gains[name]))
+        for name, path in paths.items()
+    }
 
 
 def hands_clear(
@@ -260,11 +263,13 @@ def hands_clear(
         right = np.multiply(drawn.BENCH_ARM_MIRROR, left)
         q[columns] = np.concatenate((left, right))
         plant.SetPositions(context, q)
-        seen = []
-        for hand, box in hands:
-            X_TH = plant.CalcRelativeTransform(context, torso, hand)
-            seen.append(X_TH.multiply(box.T))
-        points = np.concatenate(seen, axis=1)
+        points = np.concatenate(
+            [
+                plant.CalcRelativeTransform(context, torso, hand) @ box.T
+                for hand, box in hands
+            ],
+            axis=1,
+        )
         return points[0].min(), points[2].max()
 
     front, _ = reach(np.array([stance[name] for name in drawn.BENCH_ARM_LEFT]))
@@ -327,17 +332,19 @@ class TourDiagram(HumanoidDiagram):
         drawn, place = wheel(), scenario.place.pose
         standing = robot.standing_positions(scenario.gait.step_width, place)
         anchor = FootPose(standing[4:7], place.yaw)
-        waypoints = []
-        for i, (x, y, yaw) in enumerate(drawn.bench_waypoints(seed)):
-            goal = anchor.displaced(x, y, yaw)
-            waypoints.append(
-                Waypoint(
-                    time=i * drawn.BENCH_POINT_S,
-                    x=goal.p_WF[0],
-                    y=goal.p_WF[1],
-                    yaw=goal.yaw,
-                )
+        goals = [
+            anchor.displaced(x, y, yaw)
+            for x, y, yaw in drawn.bench_waypoints(seed)
+        ]
+        waypoints = [
+            Waypoint(
+                time=i * drawn.BENCH_POINT_S,
+                x=goal.p_WF[0],
+                y=goal.p_WF[1],
+                yaw=goal.yaw,
             )
+            for i, goal in enumerate(goals)
+        ]
         limits = velocity_limits(
             scenario.controller.footstep_planner, robot.point_mass
         )
@@ -391,20 +398,15 @@ class TourDiagram(HumanoidDiagram):
         low = self.pelvis(context)[2] < self._fallen_below
         return "pelvis too low" if low else ""
 
-    def left_upright(self, context: Context) -> str:
-        """Returns the criterion by which others than the benchmark judge.
-
-        Args:
-            context: that of this diagram.
-
-        Returns:
-            As HumanoidDiagram.fall_reason.
-        """
-        return super().fall_reason(context)
-
 
 class Score:
-    """Scores a run, as the benchmark does, while it is simulated."""
+    """Scores a run, as the benchmark does, while it is simulated.
+
+    Attributes:
+        tour: the benchmark's own score.
+        upright_until: when the robot has fallen by our criterion [s].
+        reason: a few words on that.
+    """
 
     def __init__(self, diagram: TourDiagram, seed: int):
         """Begins at the start.
@@ -415,7 +417,7 @@ class Score:
         """
         drawn = wheel()
         self._diagram, self._next = diagram, 0.0
-        self._tour = drawn.WaypointTour(list(drawn.bench_waypoints(seed)))
+        self.tour = drawn.WaypointTour(list(drawn.bench_waypoints(seed)))
         self.upright_until: float | None = None
         self.reason = ""
 
@@ -425,25 +427,12 @@ class Score:
         if now < self._next:
             return False
         self._next = now + SCORED - 1e-6
-        self._tour(now, self._diagram.pelvis(context))
+        self.tour(now, self._diagram.pelvis(context))
         if self.upright_until is None:
-            self.reason = self._diagram.left_upright(context)
+            self.reason = HumanoidDiagram.fall_reason(self._diagram, context)
             if self.reason:
                 self.upright_until = now
         return False
-
-    def report(self, fell_at: float | None) -> dict[str, Any]:
-        """The result of the benchmark.
-
-        Args:
-            fell_at: when the robot fell [s]; None: it did not.
-
-        Returns:
-            Number of finished waypoints, and the means of their errors [cm],
-            [deg].
-        """
-        report: dict[str, Any] = self._tour.report(fell_at)
-        return report
 
 
 def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
@@ -472,7 +461,7 @@ def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
     fell_at = run.simulated_time if run.error else run.fell_at
     if run.fell_at is not None:
         outcome = "fell"
-    report = score.report(fell_at)
+    report = score.tour.report(fell_at)
     errors = {
         "position_error_cm": report["pos_err_cm"],
         "yaw_error_deg": report["yaw_err_deg"],
@@ -488,18 +477,5 @@ def run_tour(scenario: Scenario, stage: str, seed: int) -> dict[str, Any]:
         "reason": run.error or score.reason,
         "waypoints": report["targets"],
         **(errors if report["targets"] else dict.fromkeys(errors)),
-        "power_w": mean_power(run.logs),
+        "power_w": float(positive_power(run.logs).mean()),
     }
-
-
-def mean_power(logs: Mapping[str, Any]) -> float:
-    """The mean power of the drives that do not brake.
-
-    Args:
-        logs: of a run.
-
-    Returns:
-        The sum over all joints [W].
-    """
-    speeds = logs["state"][:, logs["joint_speed_columns"]]
-    return float((logs["torques"] * speeds).clip(0.0).sum(axis=1).mean())

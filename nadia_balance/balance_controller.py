@@ -34,6 +34,7 @@ from nadia_balance.parameters.bounds import (
     check_number,
     check_type,
     parameters,
+    require,
 )
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.robot.model import RobotModel, load_robot_params
@@ -408,11 +409,11 @@ class BalanceController(Diagram):
         check_type("robot", robot, RobotModel)
         check_number("delay", delay, least=0.0, most=1.0, unit="s")
         tasks = tuple(tasks)
-        if tasks and "whole_body_inverse_dynamics" in blocks:
-            raise ValueError(
-                f"tasks = {', '.join(task.name for task in tasks)}: must be "
-                "given to the block that replaces whole_body_inverse_dynamics"
-            )
+        require(
+            not (tasks and "whole_body_inverse_dynamics" in blocks),
+            f"tasks = {', '.join(task.name for task in tasks)}: must be "
+            "given to the block that replaces whole_body_inverse_dynamics",
+        )
         period = params.control_period
         model = replace(robot.point_mass, ground=ground)
         # Each torque is held for a period.

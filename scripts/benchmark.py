@@ -28,7 +28,7 @@ from nadia_balance.diagrams.scenario import Scenario, load_scenario
 from nadia_balance.diagrams.simulation import start
 from nadia_balance.diagrams.tick_replay import Ticks, record_push, replay
 from nadia_balance.parameters.bounds import require
-from nadia_balance.results.folder import appearing
+from nadia_balance.results.folder import appearing, write_csv
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.plants import actuators
@@ -249,11 +249,7 @@ def record(path: Path, scenario: Scenario, figures: dict[str, float]) -> None:
     # Rows of today may have columns that older ones lack.
     names = {name: None for each in rows for name in each}
     with appearing(path.parent) as drafts:
-        draft = drafts / path.name
-        with draft.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, [*names], lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        write_csv(drafts / path.name, names, rows)
 
 
 def recorded(path: Path) -> list[dict[str, str]]:

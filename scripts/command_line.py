@@ -587,9 +587,11 @@ def contract_of(args: argparse.Namespace) -> tuple[str, ...]:
 
 def _contract(diagram: ClosedLoop) -> Contract | None:
     controller = diagram.controller
-    if not isinstance(controller, PolicyController):
-        return None
-    return controller.contract
+    return (
+        controller.contract
+        if isinstance(controller, PolicyController)
+        else None
+    )
 
 
 def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:

@@ -126,13 +126,12 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
             log = _read_npz(path)
         else:
             raise ValueError("by its name it is neither")
-        log = _checked(log, len(names))
+        return _checked(log, len(names))
     except command_line.BROKEN as error:
         raise ValueError(
             f"log = {path}: must be a CSV or npz as in docs/sensors.md "
             f"({error})"
         ) from None
-    return log
 
 
 def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
@@ -183,8 +182,9 @@ def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
             f"{name} must be ({len(t)}, {size})",
         )
     log = bridged(t, log)
-    if log["imu"][0, 5] < 0.0:
-        raise ValueError("force_z must be 9.81 m/s^2 while it stands")
+    require(
+        log["imu"][0, 5] >= 0.0, "force_z must be 9.81 m/s^2 while it stands"
+    )
     return log
 
 

@@ -181,11 +181,16 @@ def scenes(log: Log, robot: RobotModel) -> Iterator[Any]:
         graph.GetMyContextFromRoot(root)
     )
     for row in range(0, len(log["t"]), EVERY):
-        balls: list[dict[str, Any]] = []
         boxes: list[dict[str, Any]] = []
-        for name in filter(log.__contains__, POINTS):
-            X_WP = RigidTransform(cast(Any, [*log[name][row, :2], 0.0]))
-            balls.append(_look(X_WP, [0.03] * 3, rgba(POINTS[name])))
+        balls = [
+            _look(
+                RigidTransform(cast(Any, [*log[name][row, :2], 0.0])),
+                size=[0.03] * 3,
+                color=rgba(color),
+            )
+            for name, color in POINTS.items()
+            if name in log
+        ]
         if "state" in log:
             plant.SetPositions(
                 context, cast(Any, log["state"][row, : plant.num_positions()])

@@ -239,9 +239,11 @@ def _standing_push(model: RobotModel, robot: str, fidelity: str) -> str:
         (row["reason"] for row in rows if row["delta_v"] == largest.failed), ""
     )
     delta_v = largest.recovered or 0.0
-    above = "and nothing larger was tried"
-    if largest.failed is not None:
-        above = f"not from {largest.failed:.2f}: {reason}"
+    above = (
+        "and nothing larger was tried"
+        if largest.failed is None
+        else f"not from {largest.failed:.2f}: {reason}"
+    )
     return (
         f"standing, pushed forward for 0.1 s: recovers from {delta_v:.2f} m/s "
         f"({delta_v * mass.mass:.0f} N s), {above}"

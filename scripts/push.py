@@ -88,8 +88,11 @@ def _pushed_scenario(args: argparse.Namespace) -> Scenario:
 
 def _at_random(args: argparse.Namespace, scenario: Scenario) -> Scenario:
     """The scenario with --random pushes, and long enough for them."""
-    drawn = {"at": args.at, "direction": args.direction, "shape": args.shape}
-    for name, value in drawn.items():
+    for name, value in (
+        ("at", args.at),
+        ("direction", args.direction),
+        ("shape", args.shape),
+    ):
         require(
             value is None, f"{name} = {value!r}: must not come with --random"
         )

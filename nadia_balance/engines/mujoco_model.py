@@ -125,8 +125,7 @@ class MujocoModel:
         for joint in self._inboard.values():
             if joint.num_velocities() == 1:
                 dof = self.model.joint(self._joint_names[joint.index()]).dofadr
-                damping = joint.default_damping_vector()[0]
-                self.model.dof_damping[dof] = damping
+                self.model.dof_damping[dof] = joint.default_damping_vector()[0]
 
     def _read(self, mjcf: Path) -> None:
         """Reads MuJoCo's model, and puts it on flat ground.

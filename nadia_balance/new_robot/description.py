@@ -321,10 +321,14 @@ class Description:
         Returns:
             The joints, the root's first; of the root: none.
         """
-        for joint in self.joints.values():
-            if joint.child == link:
-                return [*self.chain(joint.parent), joint]
-        return []
+        return next(
+            (
+                [*self.chain(joint.parent), joint]
+                for joint in self.joints.values()
+                if joint.child == link
+            ),
+            [],
+        )
 
     def below(self, link: str) -> Iterator[str]:
         """Walks through a link and its descendants, parents first.

@@ -26,6 +26,7 @@ from nadia_balance.new_robot.shapes import (
     find_sole,
     largest_rectangle,
 )
+from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.scaling import Size, scaled
 
 # Knee bends to try in the standing posture, the first feasible is used [rad].
@@ -196,10 +197,10 @@ def _check_extents(soles: Mapping[str, SolePlane], notes: Notes) -> None:
     """Doubts soles that are no foot's."""
     for foot, sole in soles.items():
         length, width = sole.extents
-        if length > _LONGEST_SOLE:
-            raise ValueError(
-                f"sole of {foot}: {length:.3g} m long: mesh in mm?"
-            )
+        require(
+            length <= _LONGEST_SOLE,
+            f"sole of {foot}: {length:.3g} m long: mesh in mm?",
+        )
         if width > length:
             notes.add(
                 "warning",
@@ -213,11 +214,11 @@ def _mean_of_alike(
 ) -> float:
     """The mean of two lengths [m] that must not differ by more."""
     left, right = values
-    if abs(left - right) > tolerance:
-        raise ValueError(
-            f"{subject}: must be alike; they are {left:.3f} and {right:.3f} m "
-            f"{place}"
-        )
+    require(
+        abs(left - right) <= tolerance,
+        f"{subject}: must be alike; they are {left:.3f} and {right:.3f} m "
+        f"{place}",
+    )
     return float(np.mean(values))
 
 
@@ -289,9 +290,11 @@ def _free(robot: Description, leg: Leg) -> list[str]:
     If that of the hip is oblique, all but the knee.
     """
     _, axes = robot.hinges(leg.pitches[:1], robot.poses())
-    if abs(axes[0, 1]) > ALONG:
-        return leg.pitches[::2]
-    return [name for name in leg.joints if name != leg.knee]
+    return (
+        leg.pitches[::2]
+        if abs(axes[0, 1]) > ALONG
+        else [name for name in leg.joints if name != leg.knee]
+    )
 
 
 def _posture(
@@ -303,13 +306,13 @@ def _posture(
 ) -> dict[str, float]:
     """Angles [rad] of all joints: knees bent, soles level under the CoM."""
     for name, knee in knees.items():
-        if knee.max_bend < _BENDS[-1]:
-            raise ValueError(
-                f"joint {name}: must bend the knee, so that the foot goes "
-                f"back, by {_BENDS[-1]:.2f} rad; it does by "
-                f"{knee.max_bend:.2f} rad (--left-foot tells which way is "
-                "forward)"
-            )
+        require(
+            knee.max_bend >= _BENDS[-1],
+            f"joint {name}: must bend the knee, so that the foot goes "
+            f"back, by {_BENDS[-1]:.2f} rad; it does by "
+            f"{knee.max_bend:.2f} rad (--left-foot tells which way is "
+            "forward)",
+        )
     of_legs = {name for leg in legs for name in leg.joints}
     angles = {
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)

@@ -82,6 +82,18 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
+def shortened(text: str) -> str:
+    """Returns the begin of a long text, such as a mapping.
+
+    Args:
+        text: any.
+
+    Returns:
+        At most 60 characters.
+    """
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def told(error: Exception) -> str:
     """Returns an error of a simulation in one line.
 
@@ -334,7 +346,5 @@ def _is_scalar(schema: type, value: object) -> bool:
 
 def _require(fits: bool, name: str, value: object, allowed: str) -> None:
     if not fits:
-        shown = repr(value)
-        if len(shown) > 60:  # such as a mapping
-            shown = f"{shown[:57]}..."
+        shown = shortened(repr(value))
         raise ValueError(f"{name or 'file'} = {shown}: must be {allowed}")

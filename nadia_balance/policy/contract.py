@@ -7,12 +7,16 @@ the user gives: files, and single fields in YAML
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.layers import Layer, merged
 from nadia_balance.parameters.scaling import NADIA
-from nadia_balance.parameters.yaml_reader import field_types, load_tree
+from nadia_balance.parameters.yaml_reader import (
+    field_types,
+    load_tree,
+    shortened,
+)
 from nadia_balance.parameters.yaml_writer import as_tree, dump
 from nadia_balance.policy import deploy_yaml, holosoma
 from nadia_balance.policy.network import Network
@@ -21,7 +25,6 @@ from nadia_balance.robot.urdf import naming
 
 # Seen from the folder of the ONNX file.
 _BESIDE = "deploy.yaml", "../params/deploy.yaml"
-_SHOWN = 60  # characters of a value that are printed
 _FLAG = "flag"  # the source of single fields
 
 
@@ -60,7 +63,7 @@ class Contract(NamedTuple):
             A line for each field: its value, shortened, and its source.
         """
         return [
-            f"{name} = {_shortened(value)}  ({self.source(name)})"
+            f"{name} = {shortened(str(value))}  ({self.source(name)})"
             for name, value in as_tree(self.params).items()
         ]
 
@@ -151,13 +154,12 @@ def _layers(
     network: Network, motors: Sequence[str], given: Sequence[str]
 ) -> Iterator[Layer]:
     """The layers of a contract, the first one below all."""
-    file = network.path.name
     if holosoma.is_holosoma(network.metadata):
         with naming(network.name):
             tree = holosoma.metadata_tree(network.metadata)
         robot, defaults = holosoma.default_tree(tree["joints"])
         yield Layer(f"default, holosoma's {robot}", defaults)
-        yield Layer(f"metadata of {file}", tree)
+        yield Layer(f"metadata of {network.path.name}", tree)
     for source in contract_files(network.path, given):
         if is_text(source):
             with naming(_FLAG):
@@ -180,8 +182,3 @@ def _source_of(error: ValueError, layers: Sequence[Layer]) -> str:
     field = re.split(r"\W", str(error), maxsplit=1)[0]
     sources = [layer.source for layer in layers if field in layer.tree]
     return sources[-1] if sources else ""
-
-
-def _shortened(value: Any) -> str:
-    text = str(value)
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."

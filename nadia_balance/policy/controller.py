@@ -207,8 +207,7 @@ class PolicyController(Block):
 
     def _calc_torques(self, context: Context, output: BasicVector) -> None:
         state = self._state(context)
-        action = _value(context, self._action)
-        target = self._offset + self._scale * action
+        target = self._offset + self._scale * _value(context, self._action)
         target = target.clip(*self._targets)
         torques = (
             self._kp * (target - state[self._q]) - self._kd * state[self._v]

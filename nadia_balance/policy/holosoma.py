@@ -70,11 +70,12 @@ def default_tree(joints: object) -> tuple[str, dict[str, Any]]:
         without the pose then.
     """
     names = {*map(str, joints)} if isinstance(joints, list) else set()
-    for robot, pose in {"g1_29dof": _g1_pose(), "t1_29dof": _t1_pose()}.items():
+    for robot, pose, turn, speed in (
+        ("g1_29dof", _g1_pose(), 0.25, 0.05),
+        ("t1_29dof", _t1_pose(), 1.0, 0.1),
+    ):
         if {*pose} <= names:
-            scales = {"base_ang_vel": 0.25, "joint_vel_rel": 0.05}
-            if robot == "t1_29dof":
-                scales = {"base_ang_vel": 1.0, "joint_vel_rel": 0.1}
+            scales = {"base_ang_vel": turn, "joint_vel_rel": speed}
             return robot, {
                 "default_angles": pose,
                 "observation": _observation(scales),

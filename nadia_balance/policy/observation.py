@@ -151,9 +151,11 @@ class Observation:
         Returns:
             The observation (size,).
         """
-        if self._by_tick:
-            return np.hstack(ticks).ravel()
-        return np.concatenate([stack.ravel() for stack in ticks])
+        return (
+            np.hstack(ticks).ravel()
+            if self._by_tick
+            else np.concatenate([stack.ravel() for stack in ticks])
+        )
 
     def past(self, ticks: list[Array]) -> Array:
         """What the next tick has to remember.

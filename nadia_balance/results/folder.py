@@ -1,13 +1,15 @@
 """The folder of a run: a new one, locked, whose files appear when whole."""
 
 import contextlib
+import csv
 import fcntl
 import itertools
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from nadia_balance.parameters.bounds import require
 
@@ -120,3 +122,28 @@ def appearing(folder: Path) -> Iterator[Path]:
         yield drafts
         for draft in sorted(drafts.iterdir()):
             draft.replace(folder / draft.name)
+
+
+def write_csv(
+    path: Path,
+    columns: Collection[str],
+    rows: Iterable[Mapping[str, Any]],
+    head: str = "",
+) -> None:
+    """Writes a CSV.
+
+    Args:
+        path: of the file.
+        columns: their names.
+        rows: values by column.
+        head: text before the names.
+
+    Raises:
+        OSError: it cannot be written.
+        ValueError: a row has a value of no column.
+    """
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        file.write(head)
+        lines = csv.DictWriter(file, columns, lineterminator="\n")
+        lines.writeheader()
+        lines.writerows(rows)

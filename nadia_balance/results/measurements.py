@@ -138,11 +138,16 @@ def walked_velocity(log: Log) -> tuple[Array, float] | None:
     if not {"walking_signal", "com_state"} <= {*log} or len(times) < 2:
         return None
     window = 2.0 * float(np.median(np.diff(times)))
-    watch, velocity = VelocityWatch(window), []
+    watch = VelocityWatch(window)
     places = signal_view(log, "com_state").position[:2].T
-    for row, time in enumerate(log["t"]):
-        heading = _heading(signal_view(log, "walking_signal", row))
-        velocity.append(watch.look(float(time), places[row], heading))
+    velocity = [
+        watch.look(
+            float(time),
+            place=places[row],
+            heading=_heading(signal_view(log, "walking_signal", row)),
+        )
+        for row, time in enumerate(log["t"])
+    ]
     return np.array(velocity), window
 
 
@@ -363,9 +368,11 @@ def torque_ratio(log: Log) -> Array:
     Returns:
         |torque| / limit (n, nu) [-]; empty without joints.
     """
-    if "effort_limits" not in log:
-        return np.zeros((0, 0))
-    return np.abs(log["actuation"]) / log["effort_limits"]
+    return (
+        np.abs(log["actuation"]) / log["effort_limits"]
+        if "effort_limits" in log
+        else np.zeros((0, 0))
+    )
 
 
 def torque_step_ratio(log: Log) -> float | None:
@@ -391,9 +398,11 @@ def joint_speed(log: Log) -> Array:
     Returns:
         |joint speed| (n, nu) [rad/s]; empty without joints.
     """
-    if "joint_speed_columns" not in log:
-        return np.zeros((0, 0))
-    return np.abs(log["state"][:, log["joint_speed_columns"]])
+    return (
+        np.abs(log["state"][:, log["joint_speed_columns"]])
+        if "joint_speed_columns" in log
+        else np.zeros((0, 0))
+    )
 
 
 def joint_speed_ratio(log: Log) -> Array:
@@ -405,9 +414,23 @@ def joint_speed_ratio(log: Log) -> Array:
     Returns:
         |joint speed| / limit (n, nu) [-]; empty without joints or limits.
     """
-    if "joint_speed_limits" not in log:
-        return np.zeros((0, 0))
-    return joint_speed(log) / log["joint_speed_limits"]
+    return (
+        joint_speed(log) / log["joint_speed_limits"]
+        if "joint_speed_limits" in log
+        else np.zeros((0, 0))
+    )
+
+
+def positive_power(log: Log) -> Array:
+    """The power of the drives that do not brake.
+
+    Args:
+        log: log of a run.
+
+    Returns:
+        The sum over all joints (n,) [W].
+    """
+    return np.asarray(_powers(log).clip(0.0).sum(axis=1))
 
 
 def _powers(log: Log) -> Array:
@@ -478,16 +501,6 @@ def _qps(log: Log) -> list[Any]:
     ]
 
 
-def _qp_failures(log: Log) -> int:
-    return sum(
-        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
-    )
-
-
-def _qp_fallbacks(log: Log) -> int:
-    return sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(log))
-
-
 def _qp_violations(log: Log) -> Array:
     """Violations (n,) of the constraints in the solves that succeeded."""
     return np.concatenate(
@@ -534,11 +547,7 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "max_joint_speed": (("state",), joint_speed),
     "max_joint_speed_ratio": (("joint_speed_limits",), joint_speed_ratio),
     "max_power_w": (("torques",), lambda x: _powers(x).sum(axis=1)),
-    # Power of the drives that do not brake.
-    "positive_power_w": (
-        ("torques",),
-        lambda x: _powers(x).clip(0.0).sum(axis=1),
-    ),
+    "positive_power_w": (("torques",), positive_power),
     "mean_swing_foot_speed": (("foot_poses",), _swing_speeds),
     # Each force is the mean of a tick.
     "max_impact_body_weights": (
@@ -548,7 +557,15 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "estimate": (ESTIMATE, measure_estimate),
     "min_sole_distance_m": (("foot_poses",), _sole_distance),
     "min_edge_distances_m": (("ground",), _edge_distances),
-    "qp_failures": (("t",), _qp_failures),
-    "qp_fallbacks": (("t",), _qp_fallbacks),
+    "qp_failures": (
+        ("t",),
+        lambda x: sum(
+            int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(x)
+        ),
+    ),
+    "qp_fallbacks": (
+        ("t",),
+        lambda x: sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(x)),
+    ),
     "max_qp_violation": (("t",), _qp_violations),
 }

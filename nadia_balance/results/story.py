@@ -280,10 +280,14 @@ def direction_words(walking: WalkingSignal | None, force: Array) -> str:
     if walking is not None and PHASES[int(walking.phase)] is Phase.SWING:
         inward = 90.0 * support_side(walking).sign
         words = {"inward": inward, "outward": -inward, **words}
-    for word, degrees in words.items():
-        if abs((angle - degrees + 180.0) % 360.0 - 180.0) < 0.5:
-            return word
-    return f"at {(angle + 180.0) % 360.0 - 180.0:.0f} deg"
+    return next(
+        (
+            word
+            for word, degrees in words.items()
+            if abs((angle - degrees + 180.0) % 360.0 - 180.0) < 0.5
+        ),
+        f"at {(angle + 180.0) % 360.0 - 180.0:.0f} deg",
+    )
 
 
 def move_words(step: Step) -> str:

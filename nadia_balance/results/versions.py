@@ -62,9 +62,8 @@ def other_version(run: Path) -> str:
     except (OSError, LookupError, TypeError, ValueError):
         return ""
     present = version_of("nadia_balance")
-    if written == present:
-        return ""
-    return f"; nadia_balance {written} wrote it, this is {present}"
+    words = f"; nadia_balance {written} wrote it, this is {present}"
+    return "" if written == present else words
 
 
 @functools.cache  # of this process: the files may change later

@@ -228,11 +228,8 @@ def _body(
 
 def _moved_by(plant: MultibodyPlant, names: Collection[str]) -> set[BodyIndex]:
     """The bodies moved by joints of these names."""
-    moved: set[BodyIndex] = set()
-    for name in names:
-        joint = plant.GetJointByName(name).index()
-        moved |= set(plant.GetBodiesKinematicallyAffectedBy([joint]))
-    return moved
+    moving = [plant.GetJointByName(name).index() for name in names]
+    return set(plant.GetBodiesKinematicallyAffectedBy(moving))
 
 
 def _upper_body(robot: RobotModel, plant: MultibodyPlant) -> set[BodyIndex]:

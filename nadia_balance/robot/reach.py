@@ -215,9 +215,14 @@ def _drive_margins(
     for pair in zip(left[::-1], right[::-1], strict=True):
         i = max(pair, key=torques.__getitem__)
         lines.append(f"  {drives[i]:38} {torques[i]:5.0%}  {speeds[i]:5.0%}")
-        for quantity, share in ("torque", torques[i]), ("speed", speeds[i]):
-            if share > _NEAR:
-                short.append(f"{quantity} of {drives[i]}, {share:.0%} in place")
+        short += [
+            f"{quantity} of {drives[i]}, {share:.0%} in place"
+            for quantity, share in (
+                ("torque", torques[i]),
+                ("speed", speeds[i]),
+            )
+            if share > _NEAR
+        ]
     return lines, short
 
 

@@ -172,13 +172,12 @@ def check_plant(plant: MultibodyPlant, params: RobotParams) -> None:
         ValueError: the plant lacks parts that the parameters name; a joint has
             no drive with limits, or an angle is beyond the limits of a joint.
     """
-    links = {
-        "pelvis_body": params.pelvis_body,
-        "torso_body": params.torso_body,
-        "left_foot_body": params.left_foot_body,
-        "right_foot_body": params.right_foot_body,
-    }
-    for field, name in links.items():
+    for field, name in (
+        ("pelvis_body", params.pelvis_body),
+        ("torso_body", params.torso_body),
+        ("left_foot_body", params.left_foot_body),
+        ("right_foot_body", params.right_foot_body),
+    ):
         require(
             plant.HasBodyNamed(name),
             f"{field} = {name!r}: must be a link of the URDF",

@@ -141,8 +141,7 @@ def _draw_curves(
 ) -> None:
     """Draws the limits over those of the paper and of any controller."""
     last = limits.mechanisms[-1]
-    records = limits.of(last, situation)
-    _draw_limit(ax, records)
+    _draw_limit(ax, limits.of(last, situation))
     for mechanisms in reversed(limits.mechanisms):
         line = closed(_curve(limits.of(mechanisms, situation), "recovered"))
         color = COLORS[mechanisms]

@@ -285,11 +285,11 @@ def limit_table(
         for name in mechanisms:
             allowed = NAMED[[*MECHANISMS][-1] if has_own else name]
             on = [replace(limit, on=allowed) for limit in limits]
-            for direction in directions:
-                cell = Cell(*situation, name, direction)
-                records.append(
-                    _record(cell, rows.identity, groups.get(cell, []), on)
-                )
+            cells = [Cell(*situation, name, one) for one in directions]
+            records += [
+                _record(cell, rows.identity, groups.get(cell, []), on)
+                for cell in cells
+            ]
     return LimitTable(
         identity=rows.identity,
         situations=situations,
@@ -374,8 +374,7 @@ def limits_of(
     push = replace(scenario.pushes[0], point=None)
     diagram = LipmDiagram(scenario.changed(pushes=[push]))
     context, run = walk_to_push(diagram)
-    if not run.until:
-        raise ValueError(f"at = {push.at!r}: must be in the walk")
+    require(run.until, f"at = {push.at!r}: must be in the walk")
     limit = limit_from(
         diagram, context, model=robot.point_mass, push_duration=push.duration
     )

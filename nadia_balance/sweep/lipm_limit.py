@@ -30,6 +30,7 @@ from nadia_balance.core.walking.state import (
     WalkingState,
     support_polygon,
 )
+from nadia_balance.parameters.bounds import require
 
 LOST = -1  # no number of steps captures the robot
 
@@ -98,10 +99,8 @@ class LipmLimit:
     push_duration: float = 0.1
 
     def __post_init__(self) -> None:
-        if not self.kappa >= 0.0:
-            raise ValueError(f"kappa = {self.kappa}: must be >= 0 m")
-        if not self.fall >= 0.0:
-            raise ValueError(f"fall = {self.fall}: must be >= 0 m/s")
+        require(self.kappa >= 0.0, f"kappa = {self.kappa}: must be >= 0 m")
+        require(self.fall >= 0.0, f"fall = {self.fall}: must be >= 0 m/s")
 
     @cached_property
     def assumptions(self) -> str:
@@ -149,10 +148,14 @@ class LipmLimit:
             does.
         """
         forward = np.array([1.0, 0.0])
-        for n in range(len(self._steps) + 1):
-            if self._best(forward, [n], upper_bound=0.0) >= -_BETTER:
-                return n
-        return LOST
+        return next(
+            (
+                n
+                for n in range(len(self._steps) + 1)
+                if self._best(forward, [n], upper_bound=0.0) >= -_BETTER
+            ),
+            LOST,
+        )
 
     def _best(
         self,

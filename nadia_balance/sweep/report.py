@@ -1,6 +1,5 @@
 """Report of a sweep: its limits as text, CSV, and a picture."""
 
-import csv
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -9,7 +8,7 @@ from typing import Any, cast
 
 import matplotlib as mpl
 
-from nadia_balance.results.folder import appearing
+from nadia_balance.results.folder import appearing, write_csv
 from nadia_balance.results.plots.style import RC, save
 from nadia_balance.robot.model import load_robot
 from nadia_balance.sweep.envelope_plot import draw_envelope
@@ -77,13 +76,14 @@ def write_report(limits: LimitTable, rows: Rows) -> list[str]:
         (drafts / TABLES).write_text(
             report_text(limits, rows), encoding="utf-8"
         )
-        with open(drafts / LIMITS, "w", encoding="utf-8", newline="") as file:
-            lines = csv.DictWriter(file, limits.records[0], lineterminator="\n")
-            lines.writeheader()
-            lines.writerows(
+        write_csv(
+            drafts / LIMITS,
+            limits.records[0],
+            (
                 with_digits(record, [*OTHERS, *WORST])
                 for record in limits.records
-            )
+            ),
+        )
     return [PICTURE, DRAWING, TABLES, LIMITS]
 
 

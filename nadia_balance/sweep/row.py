@@ -15,7 +15,7 @@ from typing import Any
 from nadia_balance.diagrams.own_blocks import NONE, file_of, names_class
 from nadia_balance.parameters.bounds import bounded, check, parameters, require
 from nadia_balance.parameters.yaml_reader import one_line, typed
-from nadia_balance.results.folder import appearing
+from nadia_balance.results.folder import appearing, write_csv
 from nadia_balance.results.pages import CONTRACT
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
@@ -179,7 +179,19 @@ def write_row(
         for record in limit_table(rows[name], sweep.scenarios).records
     ]
     with appearing(folder) as drafts:
-        _write_trials(drafts / TRIALS, sweeps, rows)
+        write_csv(
+            drafts / TRIALS,
+            ["fidelity", "engine", *COLUMNS],
+            (
+                {
+                    "fidelity": sweep.one.fidelity,
+                    "engine": sweep.one.engine,
+                    **trial,
+                }
+                for name, sweep in sweeps.items()
+                for trial in rows[name].all
+            ),
+        )
         row = Row(
             variant=variant,
             who=who,
@@ -289,25 +301,6 @@ def worst_of(limits: list[MeasuredLimit]) -> dict[str, float]:
             value = one.recovered or 0.0
             worst[direction] = min(worst.get(direction, value), value)
     return worst
-
-
-def _write_trials(
-    path: Path, sweeps: Mapping[str, Sweep], rows: Mapping[str, Rows]
-) -> None:
-    with open(path, "w", encoding="utf-8", newline="") as file:
-        lines = csv.DictWriter(
-            file, ["fidelity", "engine", *COLUMNS], lineterminator="\n"
-        )
-        lines.writeheader()
-        for name, sweep in sweeps.items():
-            for trial in rows[name].all:
-                lines.writerow(
-                    {
-                        "fidelity": sweep.one.fidelity,
-                        "engine": sweep.one.engine,
-                        **trial,
-                    }
-                )
 
 
 Situation = tuple[str, str, str, str]  # scenario, fidelity, engine, at
@@ -443,8 +436,7 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
     )
     groups: dict[tuple[Any, ...], list[Trial]] = {}
     for trial in trials:
-        key = tuple(trial[name] for name in _KEY)
-        groups.setdefault(key, []).append(trial)
+        groups.setdefault(tuple(trial[n] for n in _KEY), []).append(trial)
     for one in row.limits:
         group, name = groups.get(one.key, []), ", ".join(map(str, one.key))
         results = results_of(group)

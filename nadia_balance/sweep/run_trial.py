@@ -170,7 +170,9 @@ def collect(
                 running, timeout=LOOK, return_when=futures.FIRST_COMPLETED
             )
             # What has been made is kept before a failure is told.
-            for future in sorted(ended, key=_has_failed):
+            for future in sorted(
+                ended, key=lambda one: one.exception() is not None
+            ):
                 for row in _rows_of(future):
                     rows.add(row)
                 bar.update()
@@ -181,10 +183,6 @@ def collect(
             f"block: {errors[0]}"
         )
     return not running
-
-
-def _has_failed(future: "futures.Future[list[Row]]") -> bool:
-    return future.exception() is not None
 
 
 def _rows_of(future: "futures.Future[list[Row]]") -> list[Row]:

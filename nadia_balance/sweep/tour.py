@@ -160,8 +160,7 @@ class Tour:
         Returns:
             Versions and hashes.
         """
-        wheel = {tour.WHEEL: version_of(tour.WHEEL)}
-        return of_process(self.scenario) | wheel
+        return of_process(self.scenario) | {tour.WHEEL: version_of(tour.WHEEL)}
 
     def opened(self, folder: Path) -> AbstractContextManager[TourRows]:
         """Opens the rows of this sweep, see Rows.opened.

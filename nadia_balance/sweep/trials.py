@@ -24,7 +24,7 @@ from nadia_balance.diagrams.own_blocks import NONE, file_of, names_class
 from nadia_balance.diagrams.scenario import STANDING, Scenario
 from nadia_balance.parameters.bounds import require
 from nadia_balance.policy.contract import contract_files, is_text
-from nadia_balance.results.folder import appearing, locked
+from nadia_balance.results.folder import appearing, locked, write_csv
 from nadia_balance.results.versions import versions
 from nadia_balance.robot.model import load_robot
 
@@ -270,14 +270,13 @@ class Rows:
     def _write(self) -> None:
         """Writes the whole file, or nothing."""
         self.all.sort(key=lambda row: [row[name] for name in self.KEY])
-        with (
-            appearing(self.folder) as drafts,
-            open(drafts / self.FILE, "w", encoding="utf-8", newline="") as file,
-        ):
-            file.write(f"# {json.dumps(self.identity)}\n")
-            lines = csv.DictWriter(file, self.COLUMNS, lineterminator="\n")
-            lines.writeheader()
-            lines.writerows(self.all)
+        with appearing(self.folder) as drafts:
+            write_csv(
+                drafts / self.FILE,
+                self.COLUMNS,
+                self.all,
+                head=f"# {json.dumps(self.identity)}\n",
+            )
 
     @classmethod
     def parsed(cls, line: dict[str, str], identity: Identity) -> Row:
@@ -381,8 +380,9 @@ def of_process(
         hashes["controller"] = _hashed(controller)
         if not names_class(controller):
             hashes |= _hashed_contract(controller, contract)
-    for role, name in (blocks or {}).items():
-        hashes[f"{BLOCK}{role}"] = _hashed(name)
+    hashes |= {
+        f"{BLOCK}{role}": _hashed(name) for role, name in (blocks or {}).items()
+    }
     return versions(scenario.engine) | hashes
 
 

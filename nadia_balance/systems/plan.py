@@ -118,15 +118,15 @@ class WalkingStateMachine(Block):
             self, "walking_state", self._walking_state, needs=state_only
         )
         declare_output(
-            self, "walking_signal", self._calc_signal, needs=state_only
+            self,
+            "walking_signal",
+            lambda context: walking_signal(self._walking_state(context)),
+            needs=state_only,
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
 
     def _walking_state(self, context: Context) -> Any:
         return context.get_abstract_state(self._state).get_value()
-
-    def _calc_signal(self, context: Context) -> list[float]:
-        return walking_signal(self._walking_state(context))
 
     def _advance(self, context: Context, state: Any) -> None:
         walking_state = self._machine.advance(

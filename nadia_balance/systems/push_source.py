@@ -423,9 +423,11 @@ class ContactClock(Block):
 
 def _yaw(state: WalkingState | None) -> float:
     """Yaw of the support foot in W [rad], 0 without a walking state."""
-    if state is None:
-        return 0.0
-    return state.schedule.feet[state.schedule.support_side].yaw
+    return (
+        0.0
+        if state is None
+        else state.schedule.feet[state.schedule.support_side].yaw
+    )
 
 
 def find_body(

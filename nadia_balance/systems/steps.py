@@ -143,9 +143,8 @@ class CaptureRegionStepAdjuster(Block):
 
     def _calc_no_foothold(self, context: Context) -> list[float]:
         _, on, landing = self._tick.Eval(context)
-        if landing is None or not on.step:
-            return [0.0]
-        return [float(lacks_ground(landing))]
+        steps = landing is not None and on.step
+        return [float(steps and lacks_ground(landing))]
 
 
 class SwingFootPlanner(Block):

@@ -7,7 +7,7 @@ from nadia_balance.core.body.model import LegGeometry, PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import ContactSchedule, FootPose, Phase
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 
 @parameters
@@ -88,12 +88,12 @@ def leg_reach(
     above_ankle = legs.com_above_hip + legs.ankle_height
     hip = params.min_height_ratio * com_height - above_ankle
     longest = params.max_stretch * legs.length
-    if not 0.0 < hip < longest:
-        raise ValueError(
-            f"com_height = {com_height:g}: must leave the legs bent in a "
-            f"crouch: in ({above_ankle / params.min_height_ratio:.3f}, "
-            f"{(above_ankle + longest) / params.min_height_ratio:.3f}) m"
-        )
+    require(
+        0.0 < hip < longest,
+        f"com_height = {com_height:g}: must leave the legs bent in a "
+        f"crouch: in ({above_ankle / params.min_height_ratio:.3f}, "
+        f"{(above_ankle + longest) / params.min_height_ratio:.3f}) m",
+    )
     length = 2.0 * math.sqrt(longest**2 - hip**2)
     return length, legs.hip_width + min(2.0 * hip * math.tan(lean), length)
 

@@ -36,6 +36,7 @@ from nadia_balance.parameters.bounds import (
     check,
     check_number,
     parameters,
+    require,
 )
 
 _OVERLAP = 1e-6  # shared area up to which regions only touch [m^2]
@@ -66,22 +67,21 @@ class Region:
             ValueError: the region is not valid; the message has its name.
         """
         name = f"(region {self.name!r})"
-        if any(len(corner) != 2 for corner in self.vertices):
-            raise ValueError(
-                f"vertices = {self.vertices} {name}: must be [x, y] each"
-            )
-        if not self.vertices or not 3 <= len(self.polygon) == len(
-            self.vertices
-        ):
-            raise ValueError(
-                f"vertices = {self.vertices} {name}: must be convex, with 3 "
-                "or more corners"
-            )
-        if len(self.normal) != 3 or not self.normal[2] > 0.0:
-            raise ValueError(
-                f"normal = {self.normal} {name}: must be [x, y, z] with z > 0, "
-                "or the region is upside down"
-            )
+        require(
+            all(len(corner) == 2 for corner in self.vertices),
+            f"vertices = {self.vertices} {name}: must be [x, y] each",
+        )
+        require(
+            bool(self.vertices)
+            and 3 <= len(self.polygon) == len(self.vertices),
+            f"vertices = {self.vertices} {name}: must be convex, with 3 "
+            "or more corners",
+        )
+        require(
+            len(self.normal) == 3 and self.normal[2] > 0.0,
+            f"normal = {self.normal} {name}: must be [x, y, z] with z > 0, "
+            "or the region is upside down",
+        )
 
     @cached_property
     def polygon(self) -> Array:
@@ -163,8 +163,7 @@ class Ground(Immutable):
     margin: float = 0.02  # [m]
 
     def __post_init__(self) -> None:
-        if not self.regions:
-            raise ValueError("regions = (): must be at least one")
+        require(len(self.regions) > 0, "regions = (): must be at least one")
         check_number("margin", self.margin, least=0.0, unit="m")
         for region in self.regions:
             check(region)
@@ -385,12 +384,12 @@ def _within_reach(
         )
     x, y, _ = placed.pose.p_WF.tolist()
     width = math.dist(goal, (x, y))
-    if width > longest:
-        raise ValueError(
-            f"{name}: from x = {x:.3f}, y = {y:.3f} m a hole of "
-            f"{width:.3f} m, between footholds, must be within the "
-            f"reach of {longest:.3f} m"
-        )
+    require(
+        width <= longest,
+        f"{name}: from x = {x:.3f}, y = {y:.3f} m a hole of "
+        f"{width:.3f} m, between footholds, must be within the "
+        f"reach of {longest:.3f} m",
+    )
     return placed.pose
 
 
@@ -468,8 +467,10 @@ def check_ground(ground: Ground) -> None:
     """
     names = [region.name for region in ground.regions]
     for name in names:
-        if not name or names.count(name) > 1:
-            raise ValueError(f"regions.name = {name!r}: must be given, once")
+        require(
+            name != "" and names.count(name) == 1,
+            f"regions.name = {name!r}: must be given, once",
+        )
     for region in ground.regions:
         if not region.obstacle and not any(
             len(region.footholds(ground.sole, yaw, ground.margin))
@@ -483,12 +484,12 @@ def check_ground(ground: Ground) -> None:
             )
     for one, other in itertools.combinations(ground.regions, 2):
         shared = area(intersection(one.polygon, other.polygon))
-        if shared > _OVERLAP:
-            raise ValueError(
-                f"regions {one.name!r} and {other.name!r}, at heights "
-                f"{one.height:g} and {other.height:g} m: must not overlap, "
-                f"but share {shared:.2g} m^2 seen from above"
-            )
+        require(
+            shared <= _OVERLAP,
+            f"regions {one.name!r} and {other.name!r}, at heights "
+            f"{one.height:g} and {other.height:g} m: must not overlap, "
+            f"but share {shared:.2g} m^2 seen from above",
+        )
 
 
 def check_friction(ground: Ground, friction: float) -> None:
@@ -504,13 +505,13 @@ def check_friction(ground: Ground, friction: float) -> None:
     for region in ground.regions:
         x, y, z = region.normal
         slope = math.hypot(x, y) / z
-        if not region.obstacle and slope >= friction:
-            raise ValueError(
-                f"region {region.name!r}: must be tilted by less than "
-                f"{math.degrees(math.atan(friction)):.1f} deg, as friction is "
-                f"{friction:g}, but is by "
-                f"{math.degrees(math.atan(slope)):.1f} deg"
-            )
+        require(
+            region.obstacle or slope < friction,
+            f"region {region.name!r}: must be tilted by less than "
+            f"{math.degrees(math.atan(friction)):.1f} deg, as friction is "
+            f"{friction:g}, but is by "
+            f"{math.degrees(math.atan(slope)):.1f} deg",
+        )
 
 
 @parameters

@@ -15,7 +15,7 @@ from nadia_balance.core.math.polygon import (
     intersection,
 )
 from nadia_balance.core.walking.state import FootPose, Side
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 BASE, FORWARD, BACKWARD = "base", "forward", "backward"
 
@@ -86,22 +86,22 @@ class ReachabilityParams:
         Raises:
             ValueError: they define no region.
         """
-        if not self.width_min < self.width_nominal < self.width_max:
-            raise ValueError(
-                f"width_nominal = {self.width_nominal}: must be between "
-                f"width_min = {self.width_min} and "
-                f"width_max = {self.width_max} m"
-            )
+        require(
+            self.width_min < self.width_nominal < self.width_max,
+            f"width_nominal = {self.width_nominal}: must be between "
+            f"width_min = {self.width_min} and "
+            f"width_max = {self.width_max} m",
+        )
         for name, width in (
             ("width_forward", self.width_forward),
             ("width_backward", self.width_backward),
         ):
-            if not -self.width_nominal < width <= self.width_max:
-                raise ValueError(
-                    f"{name} = {width}: must be in "
-                    f"(-width_nominal, width_max] = "
-                    f"(-{self.width_nominal}, {self.width_max}] m"
-                )
+            require(
+                -self.width_nominal < width <= self.width_max,
+                f"{name} = {width}: must be in "
+                f"(-width_nominal, width_max] = "
+                f"(-{self.width_nominal}, {self.width_max}] m",
+            )
 
     def in_base_region(self, x: float, y: float) -> bool:
         """Whether (x / length)^2 + ((y - width_nominal) / width)^2 <= 1.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 SAMPLE = 0.001  # of the gyro's latest rate [s]
 
@@ -116,5 +116,6 @@ class SensorParams:
             ("imu_position", self.imu_position),
             ("imu_rpy_deg", self.imu_rpy_deg),
         ):
-            if len(numbers) != 3:
-                raise ValueError(f"{name} = {numbers}: must be three numbers")
+            require(
+                len(numbers) == 3, f"{name} = {numbers}: must be three numbers"
+            )

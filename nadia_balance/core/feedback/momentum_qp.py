@@ -10,7 +10,7 @@ from nadia_balance.core.body.model import PointMassModel
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces, shrink
 from nadia_balance.core.math.qp import DenseQp, QpProblem, QpResult
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 _KEPT = 8  # limits: a foothold that moves changes none
 
@@ -73,12 +73,12 @@ class MomentumQpParams:
         Raises:
             ValueError: the effective gain is not > 1.
         """
-        if not self.effective_gain > 1.0:
-            raise ValueError(
-                f"error_weight = {self.error_weight}: must be larger beside "
-                f"cop_weight = {self.cop_weight} and a feedback_gain of "
-                f"{self.feedback_gain}: {self.effective_gain:.2f} are left"
-            )
+        require(
+            self.effective_gain > 1.0,
+            f"error_weight = {self.error_weight}: must be larger beside "
+            f"cop_weight = {self.cop_weight} and a feedback_gain of "
+            f"{self.feedback_gain}: {self.effective_gain:.2f} are left",
+        )
 
     @property
     def effective_gain(self) -> float:

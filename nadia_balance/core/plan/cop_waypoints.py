@@ -28,7 +28,7 @@ from nadia_balance.core.walking.state import (
     Phase,
     Side,
 )
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 _MIN_DURATION = 1e-5  # [s]; keeps the slope of every segment finite
 _KEPT = 64  # routes, and as many points and polygons
@@ -62,10 +62,10 @@ class CopPointParams:
         Raises:
             ValueError: it is empty.
         """
-        if self.min_x > self.max_x:
-            raise ValueError(
-                f"min_x = {self.min_x}: must be <= max_x = {self.max_x}"
-            )
+        require(
+            self.min_x <= self.max_x,
+            f"min_x = {self.min_x}: must be <= max_x = {self.max_x}",
+        )
 
 
 @parameters

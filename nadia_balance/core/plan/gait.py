@@ -37,6 +37,7 @@ from nadia_balance.parameters.bounds import (
     check,
     check_type,
     parameters,
+    require,
 )
 
 _SIDES = ("left", "right")
@@ -138,16 +139,16 @@ class Gait:
             ValueError: steps in more than one form, or a foot moves twice.
         """
         given = [self.num_steps > 0, bool(self.steps), bool(self.footholds)]
-        if sum(given) > 1:
-            raise ValueError(
-                "num_steps, steps, footholds: must give only one of them"
-            )
+        require(
+            sum(given) <= 1,
+            "num_steps, steps, footholds: must give only one of them",
+        )
         for i, (last, hold) in enumerate(itertools.pairwise(self.footholds), 1):
-            if hold.side == last.side:
-                raise ValueError(
-                    f"footholds[{i}].side = {hold.side!r}: must be "
-                    f"{Side(hold.side).other.value}, as the feet take turns"
-                )
+            require(
+                hold.side != last.side,
+                f"footholds[{i}].side = {hold.side!r}: must be "
+                f"{Side(hold.side).other.value}, as the feet take turns",
+            )
 
 
 def make_footsteps(
@@ -276,18 +277,18 @@ def _check(
         stance = feet[step.side.other]
         x, left = stance.to_sole(step.pose.p_WF[None, :2])[0]
         y = step.side.sign * left
-        if not reach.in_base_region(x, y):
-            raise ValueError(
-                f"step {number} ({step.side.value}): {x:.3f} m forward and "
-                f"{y:.3f} m out of the stance foot: must be within "
-                f"{reach.describe()}"
-            )
+        require(
+            reach.in_base_region(x, y),
+            f"step {number} ({step.side.value}): {x:.3f} m forward and "
+            f"{y:.3f} m out of the stance foot: must be within "
+            f"{reach.describe()}",
+        )
         rise = float(step.pose.p_WF[2] - stance.p_WF[2])
-        if abs(rise) > reach.rise_max + _ROUNDING:
-            raise ValueError(
-                f"step {number} ({step.side.value}): {rise:+.3f} m above the "
-                f"stance foot: must be within rise_max = {reach.rise_max} m"
-            )
+        require(
+            abs(rise) <= reach.rise_max + _ROUNDING,
+            f"step {number} ({step.side.value}): {rise:+.3f} m above the "
+            f"stance foot: must be within rise_max = {reach.rise_max} m",
+        )
         feet = feet.with_foot(step.side, step.pose)
 
 

@@ -14,7 +14,7 @@ from nadia_balance.core.walking.state import (
     WalkingState,
     number_of_ticks,
 )
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 # Rounding error of a clock that counts ticks.
 TIME_TOLERANCE = 1e-9  # [s]
@@ -161,22 +161,22 @@ class Push:
         Raises:
             ValueError: fields are inconsistent.
         """
-        if (self.delta_v is None) == (self.force is None):
-            raise ValueError(
-                f"delta_v = {self.delta_v}, force = {self.force}: must give "
-                "exactly one of them"
-            )
-        if self.shape == SINE and self.force is None:
-            raise ValueError(
-                f"delta_v = {self.delta_v}: must be null for a {SINE}, which "
-                "has a force"
-            )
+        require(
+            (self.delta_v is None) != (self.force is None),
+            f"delta_v = {self.delta_v}, force = {self.force}: must give "
+            "exactly one of them",
+        )
+        require(
+            self.shape != SINE or self.force is not None,
+            f"delta_v = {self.delta_v}: must be null for a {SINE}, which "
+            "has a force",
+        )
         point = self.point or [0.0] * 3
-        if len(point) != 3 or not all(abs(x) <= MOST_POINT for x in point):
-            raise ValueError(
-                f"point = {self.point}: must be three coordinates within "
-                f"+-{MOST_POINT:g} m"
-            )
+        require(
+            len(point) == 3 and all(abs(x) <= MOST_POINT for x in point),
+            f"point = {self.point}: must be three coordinates within "
+            f"+-{MOST_POINT:g} m",
+        )
         Moment.parse(self.at)
 
     def along(self, heading: float) -> Array:

@@ -1,7 +1,7 @@
 """The parameters of whole-body control."""
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.parameters.bounds import bounded, parameters
+from nadia_balance.parameters.bounds import bounded, parameters, require
 
 
 @parameters
@@ -365,8 +365,8 @@ class WholeBodyQpParams:
         Raises:
             ValueError: it is not above the least normal force.
         """
-        if not self.unloaded_force > self.min_normal_force:
-            raise ValueError(
-                f"unloaded_force = {self.unloaded_force}: must be > "
-                f"min_normal_force = {self.min_normal_force} N"
-            )
+        require(
+            self.unloaded_force > self.min_normal_force,
+            f"unloaded_force = {self.unloaded_force}: must be > "
+            f"min_normal_force = {self.min_normal_force} N",
+        )

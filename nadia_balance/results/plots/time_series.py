@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -174,11 +175,12 @@ def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
     Returns:
         The figure; None if the log has none of them.
     """
+    torques, speeds = torque_ratio(log), joint_speed_ratio(log)
     panels = [
         (height, draw)
         for is_logged, height, draw in (
-            (torque_ratio(log).size, 2.2, _draw_torques),
-            (joint_speed_ratio(log).size, 2.0, _draw_speeds),
+            (torques.size, 2.2, partial(_draw_shares, "torque", torques)),
+            (speeds.size, 2.0, partial(_draw_shares, "speed", speeds)),
             ("foot_forces" in log, 1.8, _draw_forces),
         )
         if is_logged
@@ -196,17 +198,7 @@ def draw_effort(log: Log, summary: dict[str, Any]) -> Figure | None:
     return fig
 
 
-def _draw_torques(ax: Axes, log: Log) -> None:
-    _draw_shares(ax, log, torque_ratio(log))
-    ax.set_ylabel("torque [% of limit]")
-
-
-def _draw_speeds(ax: Axes, log: Log) -> None:
-    _draw_shares(ax, log, joint_speed_ratio(log))
-    ax.set_ylabel("speed [% of limit]")
-
-
-def _draw_shares(ax: Axes, log: Log, ratio: Array) -> None:
+def _draw_shares(quantity: str, ratio: Array, ax: Axes, log: Log) -> None:
     """Draws the largest one of each group, of a ratio (n, nu) to its limit."""
     t, percent = log["t"], 100.0 * ratio
     groups = np.array([_group_of(name) for name in log["actuator_names"]])
@@ -227,6 +219,7 @@ def _draw_shares(ax: Axes, log: Log, ratio: Array) -> None:
         linestyle="--",
         label="limit",
     )
+    ax.set_ylabel(f"{quantity} [% of limit]")
 
 
 def _group_of(joint: str) -> str:
