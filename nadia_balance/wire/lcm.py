@@ -36,7 +36,6 @@ STATE, COMMAND = "ROBOT_STATE", "ROBOT_COMMAND"
 GROUP, PORT = "239.255.76.67", 7667  # LCM's
 BUFFER = 1 << 21  # of the socket: half a second of messages [bytes]
 _SHORT = b"LC02"  # how a message of one datagram begins
-HEARD = 0.5  # for which a rival that was heard counts as there [s]
 _BODY = (
     *(f"quaternion.{axis}" for axis in "wxyz"),
     *(f"{part}.{axis}" for part, axis in product(("gyro", "force"), "xyz")),
@@ -241,7 +240,6 @@ class LcmWire(_End):
         self._commands.subscribe()  # also what others send
         # Not the process' number alone: it may be in another container.
         self._sender = int.from_bytes(os.urandom(6))
-        self._rivals: dict[int, float] = {}  # when each was heard last [s]
 
     def read(self, timeout: float) -> RobotState | None:
         """The next state, see messages.Wire.
@@ -289,16 +287,13 @@ class LcmWire(_End):
         """
         self._commands.send(self._sender, _numbers_of(command))
 
-    def rivals(self) -> int:
-        """The number of others that send commands to this robot.
+    def has_rivals(self) -> bool:
+        """Whether someone else has sent a command since the last call.
 
         Returns:
-            Those that were heard within HEARD.
+            True if somebody was heard.
         """
-        now = time.monotonic()
-        for sender in self._commands.senders() - {self._sender}:
-            self._rivals[sender] = now
-        return sum(now - heard < HEARD for heard in self._rivals.values())
+        return bool(self._commands.senders() - {self._sender})
 
 
 class LcmRobotWire(_End):

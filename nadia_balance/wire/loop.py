@@ -51,7 +51,7 @@ def refuse_rivals(wire: Wire) -> None:
     end = time.monotonic() + LISTEN
     while time.monotonic() < end:
         time.sleep(0.02)
-        if wire.rivals():
+        if wire.has_rivals():
             raise ValueError(
                 "another controller commands this robot: must be the only one"
             )
@@ -103,7 +103,7 @@ def run(
                 if behind > SILENCE:
                     late = f"{1e3 * behind:.0f} ms behind the robot"
                     _write(wire, process.stop(late))
-            if wire.rivals() and process.phase is not Phase.DAMPING:
+            if wire.has_rivals() and process.phase is not Phase.DAMPING:
                 _write(wire, process.stop("another controller commands it"))
     finally:
         gc.unfreeze()

@@ -152,11 +152,11 @@ class Wire(Protocol):
         """
         ...
 
-    def rivals(self) -> int:
-        """The number of others that send commands to this robot.
+    def has_rivals(self) -> bool:
+        """Whether someone else has sent a command since the last call.
 
         Returns:
-            0 if nobody else is heard.
+            True if somebody was heard.
         """
         ...
 

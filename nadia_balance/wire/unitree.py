@@ -48,7 +48,6 @@ from nadia_balance.wire.messages import (
 MACHINES = (2, 5)  # the first and the present G1 with 29 joints
 MOTORS = 35
 DEPTH = 64  # of a queue: an eighth of a second of messages
-HEARD = 0.5  # for which a rival that was heard counts as there [s]
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _ARM = (
     *("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"),
@@ -259,6 +258,10 @@ class _Reader:
         )
         return len(self._samples)
 
+    def forget(self) -> None:
+        """Takes all that waits."""
+        self._samples.clear()
+
     def take(self, timeout: float) -> _Sample | None:
         """The next message, None if there is none in time."""
         end = time.monotonic() + timeout
@@ -330,7 +333,6 @@ class UnitreeWire(_End):
         self._others = _Reader(self._participant, "rt/lowcmd", LowCmd_)
         self._commands = _Writer(self._participant, "rt/lowcmd", LowCmd_)
         self._machine = 0
-        self._rivals: dict[int, float] = {}  # when each was heard last [s]
 
     def read(self, timeout: float) -> RobotState | None:
         """The next state, see messages.Wire.
@@ -390,16 +392,15 @@ class UnitreeWire(_End):
             motors[name][self._motors] = getattr(command, name)
         self._commands.send(_COMMANDS.encoded(record))
 
-    def rivals(self) -> int:
-        """The number of others that send commands to this robot.
+    def has_rivals(self) -> bool:
+        """Whether someone else has sent a command since the last call.
 
         Returns:
-            Those that were heard within HEARD.
+            True if somebody was heard.
         """
-        now = time.monotonic()
-        while (sample := self._others.take(0.0)) is not None:
-            self._rivals[sample.sample_info.publication_handle] = now
-        return sum(now - heard < HEARD for heard in self._rivals.values())
+        is_heard = self._others.waiting() > 0
+        self._others.forget()
+        return is_heard
 
 
 class UnitreeRobotWire(_End):

@@ -52,14 +52,16 @@ def assert_equal(heard, sent, tolerance: float) -> None:
 
 def assert_rivals_are_heard(robot, controller, other, n: int) -> None:
     """Who has not sent anything is none; the robot tells them apart."""
-    rest = time.monotonic() + 1.0
-    while controller.rivals() or other.rivals():  # whoever was here before
-        assert time.monotonic() < rest
+    ends = controller, other
+    while any(end.has_rivals() for end in ends):  # whoever was here before
+        time.sleep(0.05)
     message = command(n)
     controller.write(message)
+    wait_until(other.has_rivals)
+    assert not controller.has_rivals()
     other.write(message)
-    wait_until(lambda: controller.rivals() and other.rivals())
-    assert controller.rivals() == other.rivals() == 1
+    wait_until(controller.has_rivals)
+    assert not any(end.has_rivals() for end in ends)
     assert len({robot.read(1.0)[0], robot.read(1.0)[0]}) == 2
     other.close()
 

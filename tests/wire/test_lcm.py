@@ -88,7 +88,7 @@ def test_refuses_what_is_not_of_this_robot(both):
 
 
 def test_hears_who_else_commands_the_robot(both):
-    """Oracle: the number of the others."""
+    """Oracle: who has sent."""
     ends.assert_rivals_are_heard(*both, LcmWire(JOINTS, domain=DOMAIN), N)
 
 

@@ -47,8 +47,8 @@ class Scripted:
     def write(self, command) -> None:
         self.sent.append(command)
 
-    def rivals(self) -> int:
-        return self.others
+    def has_rivals(self) -> bool:
+        return self.others > 0
 
     def close(self) -> None:
         pass

@@ -144,7 +144,7 @@ def test_drives_are_on_or_off_all_together(both):
 
 
 def test_hears_who_else_commands_the_robot(both):
-    """Oracle: the number of the others."""
+    """Oracle: who has sent."""
     other = UnitreeWire(MIXED, domain=DOMAIN)
     ends.wait_for_each_other(both[0], other, N)
     both[1].read(0.0)
