@@ -189,6 +189,8 @@ def _mean(records: Sequence[Record], kind: Kind) -> str:
 def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """Makes a Markdown table; its columns are aligned right.
 
+    A bar or a line break in a cell stays in its cell.
+
     Args:
         head: title of each column.
         lines: cells of each row.
@@ -196,7 +198,10 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     Returns:
         The table, without a line break at its end.
     """
-    rows = [head, *lines]
+    rows = [
+        [" ".join(cell.split()).replace("|", r"\|") for cell in row]
+        for row in (head, *lines)
+    ]
     widths = [max(3, *map(len, column)) for column in zip(*rows, strict=True)]
     first, *others = [
         f"| {' | '.join(map(str.rjust, row, widths))} |" for row in rows

@@ -65,6 +65,16 @@ def test_knows_the_figures_of_the_papers():
     assert protocol_of("nadia", ("push", "left swing 25 %")) is None
 
 
+def test_a_cell_of_a_table_may_have_any_text():
+    """Oracle: by hand, in GitHub's Markdown."""
+    head, rule, line = report.table(["who", "m/s"], [["a|b\nc", "1"]]).split(
+        "\n"
+    )
+    assert head == "|    who | m/s |"
+    assert rule == "|-------:|----:|"
+    assert line == r"| a\|b c |   1 |"
+
+
 def test_a_table_stands_beside_the_paper_and_the_limit():
     """By hand: 1.3 / 1.15 = 1.130, 0.3 / 0.41 = 0.732, mean 0.931."""
     found = table_of(made_up_rows(CELLS, COARSE), COARSE)
