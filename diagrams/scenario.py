@@ -532,7 +532,7 @@ def _layers_of_user(
         tree = load_tree(Path(filename).read_text(encoding="utf-8"), name)
         check_types(Scenario, tree, name)
     yield Layer("scenario", tree, tree.get("units") == "froude")
-    if text:
+    if text is not None:
         with naming("scenario_text"):
             tree = load_tree(text)
             check_types(Scenario, tree)

@@ -84,6 +84,10 @@ class Terrain:
                 regions are not convex, upside down, too small, or overlap.
         """
         if self.name == FLAT:
+            require(
+                self.rise is None,
+                f"terrain.rise = {self.rise}: must be null on flat ground",
+            )
             return None
         ground = Ground(self._regions(size), sole, self.margin)
         check_ground(ground)

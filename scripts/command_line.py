@@ -519,18 +519,22 @@ def _run(
                 break
             say(f"t={end:.0f} s  {story.chapter_words(summary)}")
             diagram.forget_logs(simulator.get_mutable_context())
-    try:
-        files = pages.write_run(
-            folder,
-            run.logs,
-            summary,
-            scenario.as_yaml(args.scenario_name),
-            meshcat,
-            contract.as_yaml() if contract else "",
-        )
-    finally:
-        say(*story.telling_lines(run.logs, summary))
-    say(f"wrote {folder}/{{{', '.join(files)}}}")
+    # A first Ctrl-C does not lose what is being written.
+    with simulation.until_ctrl_c() as pressed:
+        try:
+            files = pages.write_run(
+                folder,
+                run.logs,
+                summary,
+                scenario.as_yaml(args.scenario_name),
+                meshcat,
+                contract.as_yaml() if contract else "",
+            )
+        finally:
+            say(*story.telling_lines(run.logs, summary))
+        say(f"wrote {folder}/{{{', '.join(files)}}}")
+        if pressed():
+            return INTERRUPTED
     if meshcat is not None and args.hold:
         _hold(meshcat)
     return INTERRUPTED if run.interrupted else CODES[summary["outcome"]]
@@ -572,6 +576,7 @@ def contract_of(args: argparse.Namespace) -> tuple[str, ...]:
         ValueError: there is no policy.
     """
     given = args.contract or []
+    require("" not in given, "contract = '': must be a file, or YAML in braces")
     policy = args.controller is not None and not own_blocks.names_class(
         str(args.controller)
     )

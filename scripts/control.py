@@ -4,6 +4,7 @@ import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for
 import argparse
 import contextlib
 import sys
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -23,6 +24,7 @@ from nadia_balance.wire.messages import LOOPBACK
 from nadia_balance.wire.process import Phase, RobotProcess
 
 STAND, LET_GO = "r", "b"  # keys
+GONE = 5.0  # of no sample, after which a robot does not come back [s]
 # Factors of a lock step: that of two processes on one machine, the largest.
 LOCKSTEP, SLOWEST = 50.0, 1000.0
 
@@ -132,8 +134,8 @@ def wire_flags(parser: command_line.CommandLine) -> None:
     parser.add_argument(
         "--duration",
         type=command_line.finite,
-        help="from its first sample on, by the robot's clock [s] (until "
-        "Ctrl-C)",
+        help="from its first sample on, by the robot's clock, or until it is "
+        "silent [s] (until Ctrl-C)",
     )
 
 
@@ -175,10 +177,22 @@ def _until(
 ) -> Callable[[], bool]:
     """What the loop asks after each sample: whether it goes on."""
     began: list[float] = []  # the robot's time of the first sample [s]
+    # How many samples there were, and since when there were no more [s].
+    samples, since = 0, time.monotonic()
 
     def tell(asked: Array) -> None:
         words = clipped_words(asked, process.velocity_limits)
         command_line.say(", ".join(filter(None, (command_words(asked), words))))
+
+    def is_over(duration: float) -> bool:
+        nonlocal samples, since
+        counts = process.counts
+        if counts.samples > samples:
+            samples, since = counts.samples, time.monotonic()
+        is_heard = counts.samples + counts.refused > 0
+        if is_heard and time.monotonic() > since + GONE:
+            return True
+        return bool(began) and process.time - began[0] >= duration
 
     def each() -> bool:
         pressed = keys().lower()
@@ -198,12 +212,9 @@ def _until(
             process.velocity = asked
         if process.counts.samples and not began:
             began.append(process.time)
-        is_over = (
-            bool(began)
-            and args.duration is not None
-            and process.time - began[0] >= args.duration
-        )
-        return not (interrupted() or is_over)
+        if args.duration is not None and is_over(args.duration):
+            return False
+        return not interrupted()
 
     return each
 

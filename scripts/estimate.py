@@ -2,6 +2,7 @@
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydrake.systems.analysis import Simulator
 
 from nadia_balance.core.estimation.gaps import bridged
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.parameters.bounds import require
 from nadia_balance.results.estimation import lost_at, measure_estimate
@@ -27,6 +29,7 @@ from nadia_balance.scripts import command_line
 from nadia_balance.systems.estimation import StateEstimator
 
 SENSED = "imu", "joints", "foot_forces"
+UNITS = 0.3  # error of a force at first, above which it has another unit [-]
 FILES = "estimate.npz", "estimate.png"
 
 
@@ -126,7 +129,7 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
             log = _read_npz(path)
         else:
             raise ValueError("by its name it is neither")
-        return _checked(log, len(names))
+        return _checked(log, len(names), robot.mass)
     except command_line.BROKEN as error:
         raise ValueError(
             f"log = {path}: must be a CSV or npz as in docs/sensors.md "
@@ -166,8 +169,14 @@ def _read_npz(path: Path) -> dict[str, Array]:
     }
 
 
-def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
-    """Completes the IMU, and bridges short gaps; ValueError: a bad log."""
+def _checked(
+    log: dict[str, Array], num_joints: int, mass: float
+) -> dict[str, Array]:
+    """Completes the IMU, and bridges short gaps.
+
+    Raises ValueError: a bad log, also one that does not begin with a robot of
+    this `mass` [kg] that stands, in our units.
+    """
     t = log.pop("t")
     log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))[:, :9]
     sizes = {
@@ -181,9 +190,25 @@ def _checked(log: dict[str, Array], num_joints: int) -> dict[str, Array]:
             name not in log or log[name].shape == (len(t), size),
             f"{name} must be ({len(t)}, {size})",
         )
-    log = bridged(t, log)
+    log = bridged(np.atleast_1d(t), log)
+    first = {name: values[:10].mean(axis=0) for name, values in log.items()}
+    force = first["imu"][3:6]
+    specific = float(np.linalg.norm(force))
     require(
-        log["imu"][0, 5] >= 0.0, "force_z must be 9.81 m/s^2 while it stands"
+        force[2] >= 0.0 and abs(specific / GRAVITY - 1.0) <= UNITS,
+        f"force_x, force_y, force_z = {force.round(2).tolist()} at first: must "
+        "be 9.81 m/s^2 together, upward, while it stands",
+    )
+    angles = np.abs(log["joints"][:, :num_joints]).max()
+    require(
+        angles <= 2.0 * math.pi,
+        f"joints reach {angles:.3g}: must be angles in rad",
+    )
+    load = first["foot_forces"].sum()
+    require(
+        abs(load / (mass * GRAVITY) - 1.0) <= UNITS,
+        f"left_force and right_force are {load:.4g} N at first: must be its "
+        f"weight, {mass * GRAVITY:.4g} N, while it stands",
     )
     return log
 

@@ -44,6 +44,10 @@ def main(argv: list[str] | None = None) -> int:
     with contextlib.ExitStack() as stack:
         with parser.refusing():
             _require_foxglove()
+            require(
+                not (run / FILE).exists(),
+                f"run = {str(run)!r}: must be a folder without {FILE}",
+            )
             log, columns, robot = read_run(run)
             stack.enter_context(new_folder(run, "", [FILE]))
         with appearing(run) as drafts:

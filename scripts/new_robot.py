@@ -138,7 +138,9 @@ def _parser() -> command_line.CommandLine:
         __doc__,
         "0 it walks, 1 not, 2 bad input, 4 cannot write, 130 Ctrl-C.",
     )
-    parser.add_argument("file", type=Path, help="a URDF or an MJCF")
+    parser.add_argument(
+        "file", type=command_line.place, help="a URDF or an MJCF"
+    )
     parser.add_argument(
         "--out", type=command_line.place, required=True, help="the folder"
     )

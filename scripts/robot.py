@@ -10,7 +10,7 @@ import numpy as np
 
 from nadia_balance.diagrams.scenario import SENSORS
 from nadia_balance.diagrams.simulation import LONGEST, until_ctrl_c
-from nadia_balance.parameters.bounds import check, check_number
+from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.scripts import command_line
@@ -58,15 +58,16 @@ def main(argv: list[str] | None = None) -> int:
         if interrupted():
             return command_line.INTERRUPTED
     is_up = serving.longest > 0.0 and not serving.falls
-    return command_line.DONE if is_up else command_line.FAILED
+    is_done = is_up and not serving.pushes
+    return command_line.DONE if is_done else command_line.FAILED
 
 
 def _parser() -> command_line.CommandLine:
     parser = command_line.CommandLine(
         __file__,
         __doc__,
-        "0 it stood alone, and never fell, 1 it did not, 2 bad input, 130 "
-        "Ctrl-C or SIGTERM.",
+        "0 it stood alone, never fell, and was pushed as told, 1 it was not, "
+        "2 bad input, 130 Ctrl-C or SIGTERM.",
     )
     wire_flags(parser)
     parser.add_argument(
@@ -128,13 +129,21 @@ def _serving(args: argparse.Namespace) -> Serving:
     check_number("seed", args.seed, least=0, most=2**63)
     for name, number in zip(STICKS, args.sticks, strict=True):
         check_number(f"sticks, {name}", number, least=-1.0, most=1.0)
-    for time, delta_v, _ in args.push or []:
+    for time, delta_v, angle in args.push or []:
         check_number("push, when", time, above=0.0, most=LONGEST, unit="s")
+        check_number(
+            "push, where to", angle, least=-3600.0, most=3600.0, unit="deg"
+        )
         check_number(
             "push, how strong", delta_v, least=0.0, most=10.0, unit="m/s"
         )
     names = "delay", "lost", "late", "late_by", "silence", "silent_at"
     faults = BusFaults()
+    for name, other in ("late_by", "late"), ("silent_at", "silence"):
+        require(
+            getattr(args, name) is None or bool(getattr(args, other)),
+            f"{name} = {getattr(args, name)}: must come with {other}",
+        )
     for name in names:
         if getattr(args, name) is not None:
             setattr(faults, name, getattr(args, name))
@@ -170,6 +179,8 @@ def _report(serving: Serving) -> list[str]:
         f"samples {serving.robot.samples}: lost {serving.bus.lost}, late "
         f"{serving.bus.late}; commands refused {serving.listener.refused}",
     ]
+    if serving.pushes:
+        lines.append(f"pushes that did not come: {len(serving.pushes)}")
     if serving.slower == 1.0 and serving.pace.lost > 0.0:
         lines.append(
             f"its clock lost {serving.pace.lost:.2f} s: this machine is too "

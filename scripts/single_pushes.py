@@ -26,7 +26,7 @@ from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.own_blocks import parsed_blocks
 from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import check_number, require
 from nadia_balance.results.folder import appearing
 from nadia_balance.results.versions import CHECKOUT
 from nadia_balance.robot.model import load_robot
@@ -365,11 +365,8 @@ def _random_pushes(args: argparse.Namespace, figure: Protocol | None) -> int:
     Raises ValueError: a flag is out of range, or has no effect.
     """
     count = 1000 if args.pushes is None else args.pushes
-    require(
-        1 <= count <= MOST_PUSHES and 0.0 < args.share <= 3.0,
-        f"pushes = {count}, share = {args.share}: must be in "
-        f"[1, {MOST_PUSHES}] and (0, 3]",
-    )
+    check_number("pushes", count, least=1, most=MOST_PUSHES)
+    check_number("share", args.share, above=0.0, most=3.0)
     has_place = args.directions is not None or args.at is not None
     if args.pushes is None:
         return 0 if figure or has_place else count

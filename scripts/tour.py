@@ -15,6 +15,8 @@ from pathlib import Path
 
 from nadia_balance.diagrams.scenario import SENSORS, load_scenario
 from nadia_balance.diagrams.tour import STAGES
+from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.scripts import command_line, envelope
 from nadia_balance.sweep.tour import (
     TABLE,
@@ -27,6 +29,7 @@ from nadia_balance.sweep.tour import (
 
 OUT = "envelopes/tour"
 SEEDS = 64
+OWN = {"robot", "duration", "seed", "gait", "place"}  # fields of a Scenario
 
 
 @command_line.program
@@ -53,6 +56,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.set_defaults(out=Path(OUT))
     args = parser.parse_args(argv)
     with parser.refusing():
+        given = OWN & load_tree(args.scenario_text or "{}").keys()
+        require(
+            not given,
+            f"scenario_text has {', '.join(sorted(given))}: must not, as the "
+            "tour has its own",
+        )
         tours = Tour(
             scenario=load_scenario(
                 "stand",

@@ -61,7 +61,7 @@ file](policy.md), or ours with a [block of yours](own_blocks.md):
 $ python scripts/envelope.py --protocol push-v1 --quick --robot g1 \\
     --controller examples.null_controller:Springs --who "your name" --out quick
 $ python scripts/envelope.py --protocol push-v1 --robot g1 \\
-    --block step_adjuster=mine:ErrorStepAdjuster --out row
+    --block step_adjuster=mine:ErrorStepAdjuster --who "your name" --out row
 ```
 
 The quick one takes some minutes, the other one hours. After an installation the

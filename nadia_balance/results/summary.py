@@ -217,16 +217,24 @@ def _had_time(run: Run) -> bool:
     """True if a robot that recovers would have, by the end of the run.
 
     It has taken PATIENCE steps since the last push, or since the start; or it
-    does not walk, and had PATIENCE_TIME.
+    stands, or waits in a transfer, and had PATIENCE_TIME.
     """
     log = run.logs
     begin = max((push.end for push in pushes(log)[-1:]), default=0.0)
     left = log["t"][-1] - begin
     if "icp" not in log:
         return bool(left >= STEADY)
-    stands = bool(signal_view(log, "walking_signal", -1).phase == STANDS)
+    walking = signal_view(log, "walking_signal", -1)
+    stays = walking.phase == STANDS or _waits(log)
     taken = sum(time > begin for time in landings(log))
-    return taken >= PATIENCE or bool(stands and left >= PATIENCE_TIME)
+    return taken >= PATIENCE or bool(stays and left >= PATIENCE_TIME)
+
+
+def _waits(log: Log) -> bool:
+    """True if it has waited in a transfer for PATIENCE_TIME."""
+    late = log["t"] >= log["t"][-1] - PATIENCE_TIME
+    waiting = signal_view(log, "walking_signal").waiting
+    return bool(np.all(waiting[late] > 0.5))
 
 
 def _overload(log: Log) -> str:

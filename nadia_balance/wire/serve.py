@@ -212,8 +212,8 @@ class Serving:
         damping: command that lets it go.
         faults: of the bus.
         seed: of their chance.
-        pushes: when, after it stands alone [s], how strong [m/s], and in which
-            direction [deg].
+        pushes: those to come: when, after it stands alone [s], how strong
+            [m/s], and in which direction [deg].
         sticks: those of its remote control (3,).
         slower: how much slower than real time it may go to wait for commands;
             1: it never waits.
@@ -242,7 +242,7 @@ class Serving:
         # What a robot waits for commands is lost.
         debt = SILENCE if self.slower == 1.0 else SAMPLE
         self.pace = Pace(time.monotonic(), debt)
-        self._pushes = sorted(self.pushes)
+        self.pushes = sorted(self.pushes)
 
     def step(self) -> None:
         """A sample: sends, listens, and moves."""
@@ -283,8 +283,8 @@ class Serving:
             patience = 0.0
 
     def _push(self) -> None:
-        while self._pushes and self.alone >= self._pushes[0][0]:
-            _, delta_v, direction = self._pushes.pop(0)
+        while self.pushes and self.alone >= self.pushes[0][0]:
+            _, delta_v, direction = self.pushes.pop(0)
             self.robot.push(delta_v, direction)
             self._tell_now(f"pushed by {delta_v:g} m/s at {direction:g} deg")
 

@@ -108,6 +108,9 @@ def test_what_cannot_be_walked_is_refused(tmp_path):
     scenario = load_scenario("push", terrain=Terrain(name="gap", rise=0.1))
     with pytest.raises(ValueError, match="rise = 0.1: must be null, as gap "):
         HumanoidDiagram(scenario)
+    flat = load_scenario("push", terrain=Terrain(rise=0.1))
+    with pytest.raises(ValueError, match="rise = 0.1: must be null on flat"):
+        HumanoidDiagram(flat)
     high = "{name: a, height: 0.1, vertices: [[-9, -9], [9, -9], [0, 9]]}"
     (tmp_path / "high.yaml").write_text(f"regions: [{high}]")
     high = Terrain(name=str(tmp_path / "high.yaml"))

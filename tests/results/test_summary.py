@@ -224,6 +224,23 @@ def test_sums_up_both_qps(log):
     assert summary["max_qp_violation"] == 4e-5
 
 
+def test_one_that_waits_in_a_transfer_had_its_time(log):
+    """Oracle: by hand: 5 s; it has taken two steps, and takes no third."""
+    walks = cut(log, round(3.9 / 0.002))
+    waits = {
+        name: np.concatenate((rows, np.repeat(rows[-1:], 2600, axis=0)))
+        if np.shape(rows)[:1] == walks["t"].shape
+        else rows
+        for name, rows in walks.items()
+    }
+    waits["t"] = 0.002 * np.arange(len(waits["t"]))
+    assert summary_of(waits, **SHORT)["outcome"] == "undecided"
+    signal_view(waits, "walking_signal").waiting[-2600:] = 1.0
+    summary = summary_of(waits, **SHORT)
+    assert summary["outcome"] == "failed"
+    assert summary["reason"] == f"{RESTLESS} for 2 whole steps"
+
+
 @pytest.mark.parametrize(
     ("rows", "conditions", "reason"),
     [

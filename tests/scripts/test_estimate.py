@@ -72,7 +72,11 @@ def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
     ("name", "spoil", "message"),
     [
         ("imu", lambda a: a[:, :5], r"log = .*imu must be [(]\d+, 9[)]"),
-        ("imu", lambda a: -a, "log = .*force_z must be 9.81 m/s"),
+        ("imu", lambda a: -a, r"log = .*force_x, .* must be 9.81 m/s\^2"),
+        ("imu", lambda a: a / 9.81, r"log = .*must be 9.81 m/s\^2 together"),
+        ("joints", np.degrees, "log = .*must be angles in rad"),
+        ("foot_forces", lambda a: a / 9.81, "log = .* must be its weight"),
+        ("t", lambda a: 1e3 * a, "log = .*t must rise, in steps of at most"),
         ("imu", None, "log = .*: must be a CSV or npz .*imu"),
         ("joints", lambda a: a[:-1], r"log = .*joints must be [(]\d+, 46[)]"),
         ("t", lambda a: a**2, "log = .*t must rise in equal steps"),

@@ -132,7 +132,7 @@ def numbers(shape) -> list[float]:
         ),
         (
             lambda run: (run / "run.mcap").touch(),
-            "out = %r: must be a folder without run.mcap",
+            "run = %r: must be a folder without run.mcap",
         ),
     ],
 )

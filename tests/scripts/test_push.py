@@ -209,6 +209,22 @@ def test_says_whether_it_has_recovered(argv, code, told, tmp_path, capsys):
     assert summary["recovered"] is (code == 0)
 
 
+def test_ctrl_c_does_not_lose_what_is_written(tmp_path, monkeypatch, capsys):
+    """Oracle: the files, and exit code 130."""
+    write = command_line.pages.write_run
+
+    def write_pressed(*arguments):
+        signal.raise_signal(signal.SIGINT)
+        return write(*arguments)
+
+    monkeypatch.setattr(command_line.pages, "write_run", write_pressed)
+    argv = ["--duration", "2.5", "--at", "standing", "--out", tmp_path]
+    outcome = run_script(push, [*QUICK, *argv], capsys)
+    assert (outcome.code, outcome.err) == (130, [])
+    assert "wrote" in outcome.out[-1]
+    assert (tmp_path / "log.npz").exists()
+
+
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_it_with_its_results(tmp_path, sent, monkeypatch, capsys):
     """Oracle: a signal from within to who would go on for ten minutes."""

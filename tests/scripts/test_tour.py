@@ -28,6 +28,7 @@ def test_flags_are_those_of_the_sweep(capsys):
         (("--stages", ","), "stages = ',': must name at least one"),
         (("--seeds", 0), "seeds = 0: must be in [1, 512]"),
         (("--scenario_text", "{fidelity: ideal}"), "fidelity = 'ideal': must"),
+        (("--scenario_text", "{robot: g1}"), "scenario_text has robot: must "),
     ],
 )
 def test_bad_input_is_one_line(argv, message, capsys, tmp_path):

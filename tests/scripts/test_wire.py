@@ -5,10 +5,12 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 from nadia_balance.scripts import control, robot
+from nadia_balance.wire.process import Counts
 from tests import run_cache
 from tests.scripts.running import (
     assert_refused,
@@ -84,11 +86,45 @@ def test_a_robot_is_set_down_stands_and_is_pushed(wire):
         (robot, ["--lost", "2"], "lost = 2.0: must be in [0, 1]"),
         (robot, ["--model", "no.xml"], "model = no.xml: "),
         (robot, ["--push", "1 2"], "argument --push: '1 2': must be"),
+        (robot, ["--push", "1 1 1e6"], "push, where to = 1000000.0: must be"),
+        (robot, ["--late_by", "0.01"], "late_by = 0.01: must come with late"),
+        (robot, ["--silent_at", "2"], "silent_at = 2.0: must come with silenc"),
     ],
 )
 def test_refuses_bad_input_in_one_line(script, argv, message, capsys):
     """Oracle: the rules."""
     assert_refused(run_script(script, argv, capsys), message)
+
+
+@pytest.mark.parametrize(
+    ("came", "ends"),
+    [
+        # Samples, those that were refused, and the robot's time, each 1 s.
+        ([(0, 0, 0.0)] * 9, None),  # nobody is there
+        ([(0, 5 * i, 0.0) for i in range(9)], 5),  # another robot
+        ([(9 * i, 0, 3.0 + i) for i in range(9)], 5),  # 4 s from the first on
+        ([(9, 0, 3.0), (18, 0, 4.0), *[(18, 0, 4.0)] * 9], 7),  # it has gone
+    ],
+)
+def test_a_duration_ends_also_without_samples(came, ends, monkeypatch):
+    """Oracle: by hand: 5 s after the last sample that was used."""
+    monkeypatch.setattr(control, "time", SimpleNamespace(monotonic=lambda: now))
+    now = 0.0
+    process = SimpleNamespace(phase=None)
+    each = control._until(
+        process,
+        SimpleNamespace(duration=4.0, command=None),
+        keys=str,
+        interrupted=bool,
+    )
+    goes_on = []
+    for samples, refused, clock in came:
+        now += 1.0
+        process.counts = Counts(samples=samples, refused=refused)
+        process.time = clock
+        goes_on.append(each())
+    first = next((i for i, on in enumerate(goes_on) if not on), None)
+    assert first == ends
 
 
 @pytest.mark.parametrize(

@@ -30,8 +30,8 @@ def bridged(t: Array, signals: Mapping[str, Array]) -> dict[str, Array]:
     t = t - t[0]
     steps = np.diff(t)
     period = float(np.median(steps))
-    if period <= 0.0:
-        raise ValueError("t must rise")
+    if not 0.0 < period <= LONGEST:
+        raise ValueError(f"t must rise, in steps of at most {LONGEST} s")
     counts = np.round(steps / period).astype(int)
     rough = np.abs(steps - counts * period) > UNEVEN * period
     for i in np.flatnonzero(rough | (counts < 1)).tolist():
