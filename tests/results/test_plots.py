@@ -5,7 +5,7 @@ import pytest
 
 from nadia_balance.core.walking.state import Side
 from nadia_balance.results.log import contacts, pushes
-from nadia_balance.results.plots import footsteps
+from nadia_balance.results.plots import footsteps, style
 from nadia_balance.results.plots.time_series import draw_contacts, draw_effort
 from tests.results.made_up_run import Recipe, make_log, summary_of
 
@@ -34,6 +34,20 @@ def test_the_timeline_says_how_long_each_phase_took(log):
     ]
     named = [text.get_text() for text in axes.get_legend().get_texts()]
     assert named[2:] == ["standing", "walking", "recovering"]
+
+
+def test_many_pushes_keep_their_picture_as_wide(log):
+    """Oracle: by hand: three are told one by one, more are counted."""
+    summary = summary_of(log)
+    push = {"delta_v": 0.4, "direction_deg": 9.6}
+    for count, told in (
+        (3, ", ".join(["push 0.40 m/s at 10°"] * 3)),
+        (4, "4 pushes of up to 0.70 m/s"),
+    ):
+        pushed = [*[push] * (count - 1), push | {"direction_deg": 10.4}]
+        pushed[-1]["delta_v"] = 0.4 if count == 3 else 0.7
+        words = style.title(summary | {"pushes": pushed}, "ICP")
+        assert words.startswith(f"ICP   ·   nadia, step, {told}, "), words
 
 
 def test_the_velocity_walked_is_beside_that_commanded():

@@ -16,6 +16,7 @@ from nadia_balance.core.walking.state import Side
 
 TEXT = "#2f3440"
 FAINT = "#8a93a3"
+FEW = 3  # pushes that a title tells one by one
 # By the keys of matplotlib.
 RC: dict[Any, Any] = {
     "font.size": 9.0,
@@ -84,6 +85,8 @@ def key(
 def title(summary: dict[str, Any], name: str) -> str:
     """Returns a title: name, robot, mechanisms, pushes and outcome of the run.
 
+    More than FEW pushes are counted.
+
     Args:
         summary: summary of the run.
         name: name of the plot.
@@ -91,14 +94,14 @@ def title(summary: dict[str, Any], name: str) -> str:
     Returns:
         One line.
     """
-    run = [
-        summary["robot"],
-        summary["mechanisms"],
-        *(
-            f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
-            for push in summary["pushes"]
-        ),
+    pushes = [
+        f"push {push['delta_v']:.2f} m/s at {push['direction_deg']:.0f}°"
+        for push in summary["pushes"]
     ]
+    if len(pushes) > FEW:
+        largest = max(push["delta_v"] for push in summary["pushes"])
+        pushes = [f"{len(pushes)} pushes of up to {largest:.2f} m/s"]
+    run = [summary["robot"], summary["mechanisms"], *pushes]
     if summary["fell_at"] is not None:
         run.append(f"fell at {summary['fell_at']:.2f} s")
     elif summary["pushes"]:

@@ -50,6 +50,7 @@ SMALLEST_RANGE = 0.1  # smallest range of an axis of the ICP [m]
 _AXES = {"to x, forward": "#2456b4", "to y, left": "#d9731a"}
 CHANGED = 0.03  # larger changes of a duration show the planned one, too [s]
 _SHORT = 20.0  # longest run whose durations are written [s]
+MOST_LABELS = 12  # of pushes
 _SWING, _PUSH = 0.08, 0.25  # opacities of the shades of swings and pushes
 _BAR = 0.965  # where the bars above them begin [height of the axes]
 _FOOT_Y = {Side.LEFT: 2.0, Side.RIGHT: 0.0}
@@ -137,7 +138,10 @@ def _key_to_shades(log: Log, swings: list[PhaseSpan]) -> list[Patch]:
 
 
 def _label_pushes(ax: Axes, log: Log) -> None:
-    for push in pushes(log):
+    labelled = pushes(log)
+    if len(labelled) > MOST_LABELS:
+        return  # one would hide the other
+    for push in labelled:
         ax.annotate(
             f"push {np.linalg.norm(push.force):.0f} N",
             xy=(0.5 * (push.start + push.end), 1.0),
