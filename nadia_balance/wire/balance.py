@@ -140,9 +140,10 @@ class RobotBalance:
             self.period,
         )
 
-    def rest(self) -> None:
-        """Forgets all: the robot is at rest."""
-        self._load.begin()
+    def begin(self) -> None:
+        """Forgets all: the robot is at rest; at its first tick it stands."""
+        for ticking in self._load, self._estimate, self._control:
+            ticking.begin()
 
     def loads(self, imu: Array, state: RobotState) -> Array:
         """The loads on the feet of a robot that does not balance yet.
@@ -169,11 +170,6 @@ class RobotBalance:
         w, x, y, z = state.quaternion.tolist()
         up = x * z - w * y, y * z + w * x, 0.5 - x**2 - y**2  # of W, in I / 2
         return bool(2.0 * self._up_I @ up < math.cos(FALLEN_TILT))
-
-    def begin(self) -> None:
-        """Forgets all: the robot stands, at rest, with level soles."""
-        self._estimate.begin()
-        self._control.begin()
 
     def tick(
         self, imu: Array, state: RobotState, velocity: Array

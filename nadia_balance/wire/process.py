@@ -78,11 +78,10 @@ class Balance(Protocol):
     period: float  # between two ticks [s]
 
     def begin(self) -> None:
-        """Forgets all: the robot stands, at rest, with level soles."""
-        ...
+        """Forgets all: the robot is at rest, with feet that may hang.
 
-    def rest(self) -> None:
-        """Forgets all: the robot is at rest, with feet that may hang."""
+        The first tick is of one that stands, with level soles.
+        """
         ...
 
     def loads(self, imu: Array, state: RobotState) -> Array:
@@ -390,7 +389,7 @@ class RobotProcess:
         if s == 1.0:
             self._since = sample.time
             self._enter(Phase.LOAD)
-            self._balance.rest()
+            self._balance.begin()
             self._begin_ticks(sample)
 
     def _wait_for_load(self, sample: RobotState) -> None:
@@ -407,7 +406,6 @@ class RobotProcess:
         if loads.sum() < params.loaded or loads.min() < params.foot_loaded:
             self._since = sample.time
         elif sample.time - self._since >= params.load_time:
-            self._balance.begin()
             self._enter(Phase.BALANCE)
             self._begin_ticks(sample)
             self._keep_balance(sample)

@@ -19,6 +19,7 @@ from nadia_balance.wire.messages import (
 from nadia_balance.wire.process import SILENCE
 from nadia_balance.wire.simulated_robot import SAMPLE, SimulatedRobot
 
+DEBT = 0.01  # that is made up for, in a burst of samples [s]
 FIRST = 0.1  # for which it waits at most while nobody commands it [s]
 
 
@@ -240,7 +241,7 @@ class Serving:
         self.falls = 0
         self._newest = -1.0
         # What a robot waits for commands is lost.
-        debt = SILENCE if self.slower == 1.0 else SAMPLE
+        debt = DEBT if self.slower == 1.0 else SAMPLE
         self.pace = Pace(time.monotonic(), debt)
         self.pushes = sorted(self.pushes)
 

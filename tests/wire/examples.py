@@ -49,9 +49,6 @@ class FakeBalance:
         self.begun = 0
         self.fault, self.fall, self.is_broken = None, "", False
 
-    def rest(self) -> None:
-        pass
-
     def loads(self, imu, state):
         return self.shares
 
