@@ -87,7 +87,9 @@ def _parser() -> command_line.CommandLine:
         "--scenario_name", default="walk_in_place", help="default: %(default)s"
     )
     parser.add_argument(
-        "--scenario_text", help="YAML that overrides single fields"
+        "--scenario_text",
+        help="YAML that overrides single fields of the loop; ticks are those "
+        "of its robot in the scenario push",
     )
     parser.add_argument("--mechanisms", help=command_line.MECHANISMS)
     parser.add_argument(
