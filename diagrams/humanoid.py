@@ -366,10 +366,8 @@ class HumanoidDiagram(ClosedLoop):
             connect(builder, sensor, estimator, signal)
         feet = self._add_foot_forces(builder, self._sensors)
         connect(builder, feet, estimator, "foot_forces")
-        self._measured |= {
-            name: estimator.GetOutputPort(name)
-            for name in ("estimated_state", "estimate_covariance")
-        }
+        for name in ("estimated_state", "estimate_covariance"):
+            self._measured[name] = estimator.GetOutputPort(name)
         return feet
 
     def _add_foot_forces(

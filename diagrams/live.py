@@ -240,9 +240,10 @@ class LiveSession:
         self._walked = self._velocity.look(
             now, diagram.com(context)[:2], middle(diagram.feet(context)).yaw
         )
-        swings = state.schedule.phase is Phase.SWING
-        port = diagram.signals.get("capture_regions") if swings else None
-        regions = None if port is None else read(port, context)
+        regions = None
+        port = diagram.signals.get("capture_regions")
+        if port is not None and state.schedule.phase is Phase.SWING:
+            regions = read(port, context)
         joint, speed_ratio = diagram.fastest_joint(context)
         self._fall.look(now, regions, self._error, joint, speed_ratio)
 

@@ -592,11 +592,9 @@ def contract_of(args: argparse.Namespace) -> tuple[str, ...]:
 
 def _contract(diagram: ClosedLoop) -> Contract | None:
     controller = diagram.controller
-    return (
-        controller.contract
-        if isinstance(controller, PolicyController)
-        else None
-    )
+    if not isinstance(controller, PolicyController):
+        return None
+    return controller.contract
 
 
 def _shows_meshcat(parser: CommandLine, args: argparse.Namespace) -> bool:

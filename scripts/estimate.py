@@ -144,6 +144,7 @@ def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
         names=True,
         deletechars="",
         encoding="utf-8-sig",  # a spreadsheet's
+        ndmin=1,  # also of a single row
     )
     columns = {
         "imu": [
@@ -190,7 +191,7 @@ def _checked(
             name not in log or log[name].shape == (len(t), size),
             f"{name} must be ({len(t)}, {size})",
         )
-    log = bridged(np.atleast_1d(t), log)
+    log = bridged(t, log)
     first = {name: values[:10].mean(axis=0) for name, values in log.items()}
     force = first["imu"][3:6]
     specific = float(np.linalg.norm(force))

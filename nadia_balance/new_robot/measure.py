@@ -290,11 +290,9 @@ def _free(robot: Description, leg: Leg) -> list[str]:
     If that of the hip is oblique, all but the knee.
     """
     _, axes = robot.hinges(leg.pitches[:1], robot.poses())
-    return (
-        leg.pitches[::2]
-        if abs(axes[0, 1]) > ALONG
-        else [name for name in leg.joints if name != leg.knee]
-    )
+    if abs(axes[0, 1]) > ALONG:
+        return leg.pitches[::2]
+    return [name for name in leg.joints if name != leg.knee]
 
 
 def _posture(

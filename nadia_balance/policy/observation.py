@@ -151,11 +151,9 @@ class Observation:
         Returns:
             The observation (size,).
         """
-        return (
-            np.hstack(ticks).ravel()
-            if self._by_tick
-            else np.concatenate([stack.ravel() for stack in ticks])
-        )
+        if self._by_tick:
+            return np.hstack(ticks).ravel()
+        return np.concatenate([stack.ravel() for stack in ticks])
 
     def past(self, ticks: list[Array]) -> Array:
         """What the next tick has to remember.

@@ -31,6 +31,7 @@ SETTLED = 0.5  # time below ICP_BACK of a robot that stands or walks again [s]
 # Feet of a robot that stands: one ahead of the other, and turned, by less.
 SQUARE, SQUARE_DEG = 0.1, 10.0  # [m]
 STANDS = float(PHASES.index(Phase.STANDING))  # in a WalkingSignal
+_NO_JOINTS = np.zeros((0, 0))  # of a log without them
 PASSING = 0.1  # soles pass each other if their heights differ by less [m]
 
 
@@ -368,11 +369,9 @@ def torque_ratio(log: Log) -> Array:
     Returns:
         |torque| / limit (n, nu) [-]; empty without joints.
     """
-    return (
-        np.abs(log["actuation"]) / log["effort_limits"]
-        if "effort_limits" in log
-        else np.zeros((0, 0))
-    )
+    if "effort_limits" not in log:
+        return _NO_JOINTS
+    return np.abs(log["actuation"]) / log["effort_limits"]
 
 
 def torque_step_ratio(log: Log) -> float | None:
@@ -398,11 +397,9 @@ def joint_speed(log: Log) -> Array:
     Returns:
         |joint speed| (n, nu) [rad/s]; empty without joints.
     """
-    return (
-        np.abs(log["state"][:, log["joint_speed_columns"]])
-        if "joint_speed_columns" in log
-        else np.zeros((0, 0))
-    )
+    if "joint_speed_columns" not in log:
+        return _NO_JOINTS
+    return np.abs(log["state"][:, log["joint_speed_columns"]])
 
 
 def joint_speed_ratio(log: Log) -> Array:
@@ -414,11 +411,9 @@ def joint_speed_ratio(log: Log) -> Array:
     Returns:
         |joint speed| / limit (n, nu) [-]; empty without joints or limits.
     """
-    return (
-        joint_speed(log) / log["joint_speed_limits"]
-        if "joint_speed_limits" in log
-        else np.zeros((0, 0))
-    )
+    if "joint_speed_limits" not in log:
+        return _NO_JOINTS
+    return joint_speed(log) / log["joint_speed_limits"]
 
 
 def positive_power(log: Log) -> Array:
@@ -501,6 +496,16 @@ def _qps(log: Log) -> list[Any]:
     ]
 
 
+def _qp_failures(log: Log) -> int:
+    return sum(
+        int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(log)
+    )
+
+
+def _qp_fallbacks(log: Log) -> int:
+    return sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(log))
+
+
 def _qp_violations(log: Log) -> Array:
     """Violations (n,) of the constraints in the solves that succeeded."""
     return np.concatenate(
@@ -557,15 +562,7 @@ _MEASUREMENTS: dict[str, tuple[tuple[str, ...], Callable[[Log], Any]]] = {
     "estimate": (ESTIMATE, measure_estimate),
     "min_sole_distance_m": (("foot_poses",), _sole_distance),
     "min_edge_distances_m": (("ground",), _edge_distances),
-    "qp_failures": (
-        ("t",),
-        lambda x: sum(
-            int(max(np.sum(qp.solved < 0.5), qp.failures[-1])) for qp in _qps(x)
-        ),
-    ),
-    "qp_fallbacks": (
-        ("t",),
-        lambda x: sum(int(np.sum(qp.fallback > 0.5)) for qp in _qps(x)),
-    ),
+    "qp_failures": (("t",), _qp_failures),
+    "qp_fallbacks": (("t",), _qp_fallbacks),
     "max_qp_violation": (("t",), _qp_violations),
 }

@@ -273,8 +273,9 @@ class LivePage(ThreadingHTTPServer):
         """
         if path == _POLLED:
             return json.dumps(self._lines).encode()
-        is_page = path.partition("?")[0] == "/"
-        return self._page if is_page else self._fetched(path)
+        if path.partition("?")[0] == "/":
+            return self._page
+        return self._fetched(path)
 
 
 class _Handler(BaseHTTPRequestHandler):

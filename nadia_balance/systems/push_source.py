@@ -423,11 +423,9 @@ class ContactClock(Block):
 
 def _yaw(state: WalkingState | None) -> float:
     """Yaw of the support foot in W [rad], 0 without a walking state."""
-    return (
-        0.0
-        if state is None
-        else state.schedule.feet[state.schedule.support_side].yaw
-    )
+    if state is None:
+        return 0.0
+    return state.schedule.feet[state.schedule.support_side].yaw
 
 
 def find_body(
