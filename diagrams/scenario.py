@@ -51,6 +51,7 @@ SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 STANDING = "standing"  # of set_push: with no steps at all, at STANDING_AT
 STANDING_AT = "1 s"
+TEXT = "scenario_text"  # source of what a text has set
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 SENSORS = ("perfect", "industrial", "consumer", "proprioceptive")
@@ -327,12 +328,13 @@ class Scenario:
             Another scenario, checked.
 
         Raises:
-            ValueError: it has commands.
+            ValueError: it has commands, or its text steps.
         """
         require(
             not self.commands,
             f"at = {STANDING}: must come without a command to walk",
         )
+        self._require_no_steps(f"at = {STANDING}")
         pushes = copy.deepcopy(self.pushes)
         for push in pushes[:1]:
             push.at = STANDING_AT
@@ -346,11 +348,24 @@ class Scenario:
 
         Returns:
             Another scenario, checked.
+
+        Raises:
+            ValueError: its text has steps.
         """
+        self._require_no_steps("commands")
         return self.changed(
             gait=replace(self.gait, num_steps=0, steps=[], footholds=[]),
             commands=[command],
         )
+
+    def _require_no_steps(self, other: str) -> None:
+        """ValueError: a text has set steps, which `other` would drop."""
+        for name in ("num_steps", "steps", "footholds"):
+            value = getattr(self.gait, name)
+            require(
+                not value or self.sources.get(f"gait.{name}") != TEXT,
+                f"gait.{name} = {value!r}: must not come with {other}",
+            )
 
     def changed(self, **fields: Any) -> Self:
         """Returns this scenario with other values, checked.
@@ -533,7 +548,7 @@ def _layers_of_user(
         check_types(Scenario, tree, name)
     yield Layer("scenario", tree, tree.get("units") == "froude")
     if text is not None:
-        with naming("scenario_text"):
+        with naming(TEXT):
             tree = load_tree(text)
             check_types(Scenario, tree)
         require(
@@ -541,7 +556,7 @@ def _layers_of_user(
             f"units = {tree.get('units')!r}: must be in a scenario_file; "
             "scenario_text is in SI units",
         )
-        yield Layer("scenario_text", tree)
+        yield Layer(TEXT, tree)
     fields = {key: value for key, value in changes.items() if value is not None}
     for key in fields:
         require(

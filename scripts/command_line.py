@@ -415,7 +415,10 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         seed=args.seed,
     )
     if args.command is not None:
-        scenario = _walking_by(args.command, scenario)
+        forward, left, turn = args.command
+        scenario = scenario.walking_by(
+            Command(forward=forward, left=left, turn=turn)
+        )
     if scenario.robot.endswith((".yaml", ".yml")):
         # It may be read again, or simulated, in another folder.
         scenario = scenario.changed(robot=str(Path(scenario.robot).resolve()))
@@ -424,21 +427,6 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
             terrain=replace(scenario.terrain, name=args.terrain)
         )
     return scenario
-
-
-def _walking_by(velocity: Sequence[float], scenario: Scenario) -> Scenario:
-    """The scenario with one command in the place of its steps.
-
-    Raises ValueError: --scenario_text has steps.
-    """
-    for name in ("num_steps", "steps", "footholds"):
-        require(
-            scenario.sources.get(f"gait.{name}") != "scenario_text",
-            f"gait.{name} = {getattr(scenario.gait, name)!r}: must not come "
-            "with commands",
-        )
-    forward, left, turn = velocity
-    return scenario.walking_by(Command(forward=forward, left=left, turn=turn))
 
 
 def main_job(
@@ -465,14 +453,17 @@ def main_job(
             scenario = make_scenario(args)
             if args.live:
                 scenario = live.endless(scenario)
+            controller, contract_texts = controller_of(args), contract_of(args)
+            blocks = own_blocks.parsed_blocks(args.block or ())
+            # Last, as others see it.
             meshcat = _meshcat(args.port) if is_shown else None
             diagram = simulation.closed_loop(
                 scenario,
                 args.plant,
-                controller_of(args),
+                controller,
                 meshcat,
-                blocks=own_blocks.parsed_blocks(args.block or ()),
-                contract=contract_of(args),
+                blocks=blocks,
+                contract=contract_texts,
             )
             contract = _contract(diagram)
             if not args.live:

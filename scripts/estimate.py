@@ -2,6 +2,7 @@
 
 import nadia_balance.scripts.interrupts  # noqa: F401  # isort: skip (first, for Ctrl-C)
 import contextlib
+import itertools
 import math
 import sys
 from collections.abc import Sequence
@@ -138,14 +139,6 @@ def read_sensed(path: Path, robot: RobotModel) -> dict[str, Array]:
 
 
 def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
-    table = np.genfromtxt(
-        path,
-        delimiter=",",
-        names=True,
-        deletechars="",
-        encoding="utf-8-sig",  # a spreadsheet's
-        ndmin=1,  # also of a single row
-    )
     columns = {
         "imu": [
             f"{part}_{axis}" for part in ("gyro", "force") for axis in "xyz"
@@ -153,6 +146,22 @@ def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
         "joints": [*joints, *(f"{joint}_speed" for joint in joints)],
         "foot_forces": ["left_force", "right_force"],
     }
+    encoding = "utf-8-sig"  # a spreadsheet's
+    with open(path, encoding=encoding) as file:
+        header = [name.strip() for name in file.readline().split(",")]
+    for name in "t", *itertools.chain(*columns.values()):
+        require(
+            name in header,
+            f"it has no column {name}; it begins with {', '.join(header[:4])}",
+        )
+    table = np.genfromtxt(
+        path,
+        delimiter=",",
+        names=True,
+        deletechars="",
+        encoding=encoding,
+        ndmin=1,  # also of a single row
+    )
     return {
         "t": table["t"],
         **{
@@ -164,6 +173,10 @@ def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
 
 def _read_npz(path: Path) -> dict[str, Array]:
     log = read_npz(path)
+    for name in "t", *SENSED:
+        require(
+            name in log, f"it has no {name}; it has {', '.join([*log][:4])}"
+        )
     return {
         name: log[name].astype(float)
         for name in {"t", *SENSED, *({"state"} & {*log})}

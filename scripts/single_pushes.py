@@ -109,7 +109,12 @@ class SinglePushes(Sweep):
         """
         key = (scenario, *self.mechanisms)
         limits = {c: v for c, v in self.known_limits.items() if c[::2] == key}
-        require(len(limits) > 0, f"limits: must have some of {', '.join(key)}")
+        others = sorted({", ".join(c[::2]) for c in self.known_limits})
+        require(
+            len(limits) > 0,
+            f"limits: must have some of {', '.join(key)}, not only of "
+            f"{'; '.join(others)}",
+        )
         at = next(iter(limits)).at
         return {c.direction_deg: v for c, v in limits.items() if c.at == at}
 

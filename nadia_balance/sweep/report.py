@@ -134,7 +134,7 @@ def outcomes(rows: Rows) -> str:
     """
     counts = Counter(row["outcome"] for row in rows.all)
     words = [f"{counts[name]} {name}" for name in OUTCOMES if counts[name]]
-    return f"{len(rows.all)}: {', '.join(words)}"
+    return f"{len(rows.all)}: {', '.join(words) or 'none yet'}"
 
 
 def table_of(

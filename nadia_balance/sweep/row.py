@@ -371,6 +371,10 @@ def read_row(folder: Path) -> Row:
             dataclasses.asdict(row) == tree,
             f"must have every field of {SCHEMA}",
         )
+        require(
+            row.who.strip() != "",
+            f"who = {row.who!r}: must be who has measured it",
+        )
         push_v1.check_robot(row.robot.name, row.robot.files)
         ours = _robot(row.robot.name)
         for name in "mass", "speed":

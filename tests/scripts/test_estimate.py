@@ -77,7 +77,7 @@ def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
         ("joints", np.degrees, "log = .*must be angles in rad"),
         ("foot_forces", lambda a: a / 9.81, "log = .* must be its weight"),
         ("t", lambda a: 1e3 * a, "log = .*t must rise, in steps of at most"),
-        ("imu", None, "log = .*: must be a CSV or npz .*imu"),
+        ("imu", None, "log = .*: must be a CSV .*it has no imu; it has t"),
         ("joints", lambda a: a[:-1], r"log = .*joints must be [(]\d+, 46[)]"),
         ("t", lambda a: a**2, "log = .*t must rise in equal steps"),
         (
@@ -101,10 +101,22 @@ def test_a_wrong_log_is_refused(log, tmp_path, capsys, name, spoil, message):
     assert not any((tmp_path / "out").glob("*"))
 
 
-@pytest.mark.parametrize("name, text", [("a.txt", "t,gyro_x\n"), ("a.csv", "")])
-def test_a_log_of_another_kind_is_refused(name, text, tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("a.txt", "t,gyro_x\n", "by its name it is neither"),
+        ("a.csv", "", "it is empty"),
+        ("a.csv", "t;gyro_x\n0;1\n", "it has no column t; it begins with t;g"),
+        ("a.csv", "t, gyro_x\n0,1\n", "it has no column gyro_y; it begins wi"),
+    ],
+)
+def test_a_log_of_another_kind_is_refused(name, text, reason, tmp_path, capsys):
     """Oracle: the line, by hand; NumPy's tells to load it unsafely."""
     (tmp_path / name).write_text(text)
     found = run_script(estimate, [tmp_path / name], capsys)
-    assert_refused(found, f"log = {tmp_path}/{name}: must be a CSV or npz")
+    assert_refused(
+        found,
+        f"log = {tmp_path}/{name}: must be a CSV or npz as in docs/sensors.md "
+        f"({reason}",
+    )
     assert "unsafely" not in found.err[0]

@@ -90,6 +90,10 @@ REFUSED = [
         ["--command", "0 0 1", "--scenario_text", "gait: {num_steps: 3}"],
         "gait.num_steps = 3: must not come with commands",
     ),
+    (
+        ["--at", "standing", "--scenario_text", "gait: {num_steps: 3}"],
+        "gait.num_steps = 3: must not come with at = standing",
+    ),
 ]
 
 

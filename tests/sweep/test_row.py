@@ -123,6 +123,7 @@ REFUSED = [
     (["worst", "0"], 2.0, "worst: must be of the limits"),
     (["trials"], "", "trials = '': must be the sha256 of trials.csv"),
     (["who"], None, "must have every field of docs/row.schema.json"),
+    (["who"], " ", "who = ' ': must be who has measured it"),
     (["limits", 0, "direction_deg"], 45.0, "limits: must have each of the 8"),
 ]
 
