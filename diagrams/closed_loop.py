@@ -407,7 +407,7 @@ class ClosedLoop(Diagram):
             self._regions.FindMutableLog(context).Clear()
 
 
-def told_blocks(blocks: Mapping[str, object]) -> list[str]:
+def block_labels(blocks: Mapping[str, object]) -> list[str]:
     """Says which blocks are the user's.
 
     Args:

@@ -26,8 +26,8 @@ from nadia_balance.diagrams.closed_loop import (
     ClosedLoop,
     Logs,
     MeasuredPoses,
+    block_labels,
     sampled,
-    told_blocks,
 )
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
@@ -36,9 +36,10 @@ from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.parameters.bounds import require
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
-from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT
+from nadia_balance.robot.fall import fall_of, upright
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, scale_friction
+from nadia_balance.systems.contact_clock import ContactClock
 from nadia_balance.systems.estimation import Imu, JointEncoders, StateEstimator
 from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.hardware import (
@@ -46,7 +47,7 @@ from nadia_balance.systems.hardware import (
     JointDrives,
     StateSensor,
 )
-from nadia_balance.systems.push_source import ContactClock, PushSource
+from nadia_balance.systems.push_source import PushSource
 from nadia_balance.systems.signals import read
 from nadia_balance.systems.wiring import connect
 from nadia_balance.view.scene import (
@@ -137,19 +138,19 @@ class HumanoidDiagram(ClosedLoop):
                 sensors=self._sensors,
                 **blocks,
             )
-            self.replaced = told_blocks(blocks)
+            self.replaced = block_labels(blocks)
         else:
             self._check_controller(controller, blocks)
-            self.replaced = told_blocks({"controller": controller})
+            self.replaced = block_labels({"controller": controller})
         self.controller = builder.AddNamedSystem(
             "balance_controller", controller
         )
         self.push = PushSource(
             scenario.pushes,
-            self.robot.mass,
-            period,
-            self.plant,
-            self.robot.pelvis_body,
+            mass=self.robot.mass,
+            period=period,
+            plant=self.plant,
+            base_body=self.robot.pelvis_body,
         )
         builder.AddNamedSystem("push_source", self.push)
         self.sensor = builder.AddNamedSystem(
@@ -157,10 +158,10 @@ class HumanoidDiagram(ClosedLoop):
             FootForceSensor(
                 self.plant,
                 self.robot,
-                period,
-                self.engine,
-                self._sensors,
-                scenario.seed,
+                period=period,
+                engine=self.engine,
+                sensors=self._sensors,
+                seed=scenario.seed,
             ),
         )
         self._close_loop(builder, meshcat, sources or {})
@@ -323,8 +324,8 @@ class HumanoidDiagram(ClosedLoop):
                 StateSensor(
                     self.plant,
                     replace(scenario.imperfections, delay=scenario.delay),
-                    self.push.period,
-                    scenario.seed,
+                    period=self.push.period,
+                    seed=scenario.seed,
                 ),
             )
             builder.Connect(state, sensor.GetInputPort("state"))
@@ -348,10 +349,10 @@ class HumanoidDiagram(ClosedLoop):
             StateEstimator(
                 self.robot,
                 self._sensors,
-                period,
-                StateEstimator.told(self._standing, seed),
-                0.0 if level and self.scenario.terrain.seen else None,
-                self.scenario.estimator,
+                period=period,
+                q=StateEstimator.with_start_error(self._standing, seed),
+                height=0.0 if level and self.scenario.terrain.seen else None,
+                kind=self.scenario.estimator,
             ),
         )
         for name, kind, signal in (
@@ -435,11 +436,10 @@ class HumanoidDiagram(ClosedLoop):
             schedule = read(self.signals["walking_state"], context).schedule
             if is_uneven:
                 height -= schedule.feet[schedule.support_side].p_WF[2]
-        if height < FALLEN_HEIGHT * self._standing[6]:
-            return "pelvis too low"
-        torso, pelvis = self._poses.trunk_tilt(state)
-        if pelvis > FALLEN_TILT:
-            return "pelvis tilted"
+        reason = fall_of(upright(state[:4]), height, self._standing[6])
+        if reason:
+            return reason
+        torso, _ = self._poses.trunk_tilt(state)
         if torso > FALLEN_TORSO_TILT:
             return "torso tilted"
         if is_uneven or schedule is None:

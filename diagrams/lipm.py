@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from nadia_balance.balance_controller import CapturePointController
 from nadia_balance.core.walking.mechanisms import NAMED
-from nadia_balance.diagrams.closed_loop import ClosedLoop, told_blocks
+from nadia_balance.diagrams.closed_loop import ClosedLoop, block_labels
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import foot_beside
 from nadia_balance.engines.plants import PointMassPlant
@@ -53,7 +53,7 @@ class LipmDiagram(ClosedLoop):
         """
         super().__init__(scenario)
         self._check(scenario)
-        self.replaced = told_blocks(blocks)
+        self.replaced = block_labels(blocks)
         period = scenario.lipm_period
         model = scenario.point_mass(self.robot)
         require(

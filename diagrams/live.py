@@ -18,7 +18,7 @@ from nadia_balance.diagrams.closed_loop import ClosedLoop
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.simulation import start, until_ctrl_c
 from nadia_balance.diagrams.verdict import gait_and_error, push_signal
-from nadia_balance.parameters.yaml_reader import told
+from nadia_balance.parameters.yaml_reader import error_text
 from nadia_balance.results.live_watches import (
     FallWatch,
     VelocityWatch,
@@ -195,7 +195,7 @@ class LiveSession:
             self._simulator.AdvanceTo(self._looks * LOOK)
             reason = self._diagram.fall_reason(self.context)
         except Exception as error:  # of any block, such as NaN at an input
-            reason = told(error)
+            reason = error_text(error)
         else:
             self._look()
             if reason and (cause := self._fall.reason()):
@@ -217,7 +217,7 @@ class LiveSession:
             self._mode = self._moment
         lacks = diagram.signals.get("no_foothold")
         self._measure(state)
-        for line in self._story.look(
+        for line in self._story.update(
             context.get_time(),
             walking,
             push_signal(diagram, context),
@@ -237,7 +237,7 @@ class LiveSession:
         self._commanded = np.array(
             read(self._controls.GetOutputPort("velocity_command"), context)
         )
-        self._walked = self._velocity.look(
+        self._walked = self._velocity.update(
             now, diagram.com(context)[:2], middle(diagram.feet(context)).yaw
         )
         regions = None
@@ -245,7 +245,7 @@ class LiveSession:
         if port is not None and state.schedule.phase is Phase.SWING:
             regions = read(port, context)
         joint, speed_ratio = diagram.fastest_joint(context)
-        self._fall.look(now, regions, self._error, joint, speed_ratio)
+        self._fall.update(now, regions, self._error, joint, speed_ratio)
 
     def _draw_aims(self) -> None:
         """Draws the push that a click would make, and the command."""

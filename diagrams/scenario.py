@@ -31,6 +31,7 @@ from nadia_balance.parameters.yaml_reader import (
     check_types,
     field_types,
     load_tree,
+    naming,
     typed,
 )
 from nadia_balance.parameters.yaml_writer import dump
@@ -43,13 +44,12 @@ from nadia_balance.robot.model import (
     whole_body_tree,
 )
 from nadia_balance.robot.params import IDEAL_WHOLE_BODY, load_sensors
-from nadia_balance.robot.urdf import naming
 from nadia_balance.systems.estimation import FILTERS
 from nadia_balance.systems.hardware import Imperfections
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
-STANDING = "standing"  # of set_push: with no steps at all, at STANDING_AT
+STANDING = "standing"  # of with_push: with no steps at all, at STANDING_AT
 STANDING_AT = "1 s"
 TEXT = "scenario_text"  # source of what a text has set
 # Directions [deg] relative to a left stance foot (a right swing).
@@ -279,9 +279,8 @@ class Scenario:
         Args:
             direction: degrees, or one of DIRECTIONS, seen from the stance foot.
             delta_v: change of the robot's velocity [m/s].
-            at: as `Push.at`; or STANDING, told to walk nowhere.
-            shape: as `Push.shape`.
-                None: as it is, in each.
+            at: as `Push.at`; or STANDING: without steps, at STANDING_AT.
+            shape: as `Push.shape`.  Each is as it was if None.
 
         Returns:
             Another scenario, checked.

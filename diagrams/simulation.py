@@ -27,7 +27,7 @@ from nadia_balance.diagrams.verdict import (
     run_info,
 )
 from nadia_balance.parameters.bounds import check_number, require
-from nadia_balance.parameters.yaml_reader import told
+from nadia_balance.parameters.yaml_reader import error_text
 from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results.summary import SLOWEST, Run
 from nadia_balance.robot.model import load_robot
@@ -285,7 +285,7 @@ def advance(
         except KeyboardInterrupt:
             monitor.outcome["interrupted"] = True
         except Exception as error:  # of any block, such as NaN at an input
-            monitor.outcome["error"] = told(error)
+            monitor.outcome["error"] = error_text(error)
         cpu_time = time.process_time() - began
     return Run(
         logs=diagram.read_logs(context),

@@ -51,18 +51,18 @@ class Stage(NamedTuple):
     """What the tour adds to the waypoints.
 
     Args:
-        walks: the arms are moved at random; or else held.
-        punches: there are.
+        arms_move: at random; or else they are held.
+        is_punched: the robot is punched, too.
     """
 
-    walks: bool
-    punches: bool
+    arms_move: bool
+    is_punched: bool
 
 
 STAGES = {
-    "held": Stage(walks=False, punches=False),
-    "walked": Stage(walks=True, punches=False),
-    "punched": Stage(walks=True, punches=True),
+    "held": Stage(arms_move=False, is_punched=False),
+    "walked": Stage(arms_move=True, is_punched=False),
+    "punched": Stage(arms_move=True, is_punched=True),
 }
 
 
@@ -121,7 +121,7 @@ def tour_scenario(scenario: Scenario, stage: str, seed: int) -> Scenario:
             plant.HasJointNamed(name),
             f"robot = {scenario.robot!r}: must have the joint {name}",
         )
-    punches = STAGES[stage].punches
+    punches = STAGES[stage].is_punched
     return scenario.changed(
         seed=seed,
         duration=drawn.BENCH_WAYPOINTS * drawn.BENCH_POINT_S,
@@ -194,14 +194,14 @@ def servo(robot: RobotModel) -> dict[str, tuple[float, float]]:
 
 
 def arm_motions(
-    robot: RobotModel, seed: int, walks: bool
+    robot: RobotModel, seed: int, arms_move: bool
 ) -> dict[str, GivenMotion]:
     """What the arms are told.
 
     Args:
         robot: whose arms they are.
         seed: the number of the run.
-        walks: they move at random; or else hold still.
+        arms_move: at random; or else they hold still.
 
     Returns:
         The motions, by joint.
@@ -209,7 +209,7 @@ def arm_motions(
     drawn, plant, gains = wheel(), robot.control_plant(), servo(robot)
     stance = dict(zip(drawn.BENCH_MOTORS, drawn.BENCH_STANCE, strict=True))
     paths = {name: [(0.0, stance[name])] for name in drawn.BENCH_ARMS}
-    if walks:
+    if arms_move:
         limits = {
             joint.name(): (
                 joint.position_lower_limits()[0],
@@ -348,7 +348,7 @@ class TourDiagram(HumanoidDiagram):
         limits = velocity_limits(
             scenario.controller.footstep_planner, robot.point_mass
         )
-        arms = arm_motions(robot, seed, STAGES[stage].walks)
+        arms = arm_motions(robot, seed, STAGES[stage].arms_move)
         super().__init__(
             scenario,
             sources={

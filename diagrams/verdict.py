@@ -86,11 +86,11 @@ class RecoveryWatch:
             return False
         steps_taken, error = gait_and_error(self._diagram, context)
         waiting = bool(push_signal(self._diagram, context).waiting)
-        calm = self._calm.look(steps_taken, error, waiting)
+        calm = self._calm.update(steps_taken, error, waiting)
         walking = WalkingSignal(
             read(self._diagram.signals["walking_signal"], context)
         )
-        stood = self._stands.look(now, walking, error, waiting)
+        stood = self._stands.update(now, walking, error, waiting)
         return calm >= self._required or stood >= self._standing
 
 
@@ -144,7 +144,7 @@ class Monitor:
             failed = self._fails(context)
         if not self.outcome and not failed and self._until(context):
             self.outcome["until"] = True
-        lost = self._estimate.look(now, self._diagram.nees(context))
+        lost = self._estimate.update(now, self._diagram.nees(context))
         if lost or self.outcome or failed:
             return EventStatus.ReachedTermination(self._diagram, "decided")
         return EventStatus.DidNothing()

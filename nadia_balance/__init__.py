@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from nadia_balance.robot.model import load_robot as load_robot
     from nadia_balance.robot.plants import add_ground as add_ground
     from nadia_balance.sweep.envelope import envelope as envelope
+    from nadia_balance.systems.contact_clock import ContactClock as ContactClock
     from nadia_balance.systems.estimation import Imu as Imu
     from nadia_balance.systems.estimation import JointEncoders as JointEncoders
     from nadia_balance.systems.estimation import (
@@ -98,7 +99,6 @@ if TYPE_CHECKING:
         WalkingStateMachine as WalkingStateMachine,
     )
     from nadia_balance.systems.ports import NOTHING as NOTHING
-    from nadia_balance.systems.push_source import ContactClock as ContactClock
     from nadia_balance.systems.push_source import PushSource as PushSource
     from nadia_balance.systems.state import (
         CentroidalEstimator as CentroidalEstimator,
@@ -136,7 +136,7 @@ _MODULES = {
     "CentroidalEstimator": "systems.state",
     "ComHeightController": "systems.feedback",
     "Command": "diagrams.scenario",
-    "ContactClock": "systems.push_source",
+    "ContactClock": "systems.contact_clock",
     "ControllerParams": "balance_controller",
     "DaqpSolver": "core.math.daqp_solver",
     "FixedFootsteps": "systems.plan",

@@ -35,6 +35,7 @@ from nadia_balance.diagrams.scenario import (
     load_scenario,
 )
 from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.yaml_reader import one_line
 from nadia_balance.policy.contract import Contract, is_text
 from nadia_balance.policy.controller import PolicyController
 from nadia_balance.results import pages, story
@@ -107,7 +108,7 @@ def complain(name: str, error: Exception) -> None:
         name: of the program.
         error: what was wrong.
     """
-    _print(sys.stderr, [f"{name}: {' '.join(str(error).split())}"])
+    _print(sys.stderr, [f"{name}: {one_line(error)}"])
 
 
 def _print(stream: TextIO | None, lines: Sequence[str]) -> None:

@@ -170,7 +170,7 @@ def _sweep_flags(parser: command_line.CommandLine) -> None:
     group.add_argument(
         "--at",
         help=f"when the push begins, such as {AT.replace('%', '%%')}, "
-        f'or "{STANDING}", told to walk nowhere',
+        f'or "{STANDING}": without steps, at 1 s',
     )
     group.add_argument(
         "--resolution", type=command_line.finite, help="of the limit [m/s]"

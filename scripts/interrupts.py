@@ -1,4 +1,4 @@
-"""The programs of this package: `push`, `simulate`, `envelope` and others.
+"""Ctrl-C while a program imports Drake ends it without a traceback.
 
 A program imports this module first: until its `main` begins, Ctrl-C ends it as
 the system does, without the traceback of a half imported Drake.

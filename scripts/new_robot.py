@@ -220,7 +220,7 @@ def _walk(robot: str, fidelity: str) -> int:
 def _standing_push(model: RobotModel, robot: str, fidelity: str) -> str:
     """Searches the push from which it recovers as it stands; tells it."""
     mass = model.point_mass
-    speed = mass.omega * mass.com_height  # sqrt(g z)
+    speed = mass.froude_speed
     sweep = Sweep(
         scenarios={
             "push": load_scenario("push", robot=robot, fidelity=fidelity)

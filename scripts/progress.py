@@ -49,7 +49,7 @@ def progress(
             bar.update(now - bar.n)
             if signal is None or not diagram.HasOutputPort("icp"):
                 return  # a policy has no plan
-            for line in story.look(
+            for line in story.update(
                 now,
                 walking=WalkingSignal(read(signal, context)),
                 push=push_signal(diagram, context),

@@ -50,8 +50,7 @@ def _push_flags(parser: command_line.CommandLine) -> None:
             "--at",
             help='begin in a phase, such as "right swing 25 %%" (the right '
             'foot swings) or "left transfer 50 %%" (the left one will); or at '
-            'a time, such as "2.5 s". "standing" is at 1 s, told to walk '
-            "nowhere",
+            'a time, such as "2.5 s". "standing" is at 1 s, without steps',
         ),
         group.add_argument(
             "--shape", help=f"of the force over time: {', '.join(SHAPES)}"

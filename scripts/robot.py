@@ -153,8 +153,8 @@ def _serving(args: argparse.Namespace) -> Serving:
     simulated = SimulatedRobot(
         robot,
         load_sensors(args.sensors),
-        args.engine,
-        args.model,
+        engine=args.engine,
+        model=args.model,
         catches=not args.no_band,
         seed=args.seed,
     )

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from nadia_balance.core.walking.mechanisms import MECHANISMS
+from nadia_balance.core.walking.mechanisms import MOST
 from nadia_balance.core.walking.push import Moment, Push
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.diagrams.own_blocks import parsed_blocks
@@ -331,7 +331,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         "scenario_name": "push",
         "directions": "12",
         "at": AT,
-        "mechanisms": [*MECHANISMS][-1],
+        "mechanisms": MOST,
         **(asdict(figure) if figure else {}),
     }
     mechanisms = args.mechanisms or values["mechanisms"].split(",")[-1]

@@ -30,9 +30,9 @@ from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.engines.plants import PointContacts
 from nadia_balance.policy.controller import PolicyController
+from nadia_balance.systems.contact_clock import ContactClock
 from nadia_balance.systems.given_joints import GivenJoints
 from nadia_balance.systems.plan import FixedFootsteps, FootstepPlanner
-from nadia_balance.systems.push_source import ContactClock
 from nadia_balance.systems.waypoints import WaypointFollower
 from nadia_balance.view.scene import start_meshcat
 from tests.blocks import answer, fix

@@ -1,11 +1,13 @@
 """Trees of YAML, and the classes of parameters that are made of them."""
 
+import contextlib
 import dataclasses
 import functools
 import itertools
 import re
 import types
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import (
     Any,
@@ -70,6 +72,26 @@ def load_typed(
         raise ValueError(f"{source}: {one_line(error)}") from error
 
 
+@contextlib.contextmanager
+def naming(source: str) -> Iterator[None]:
+    """Turns errors of its block into a ValueError that names their source.
+
+    Args:
+        source: what the message begins with.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        ValueError: with the message of the error, on one line.
+    """
+    try:
+        yield
+    # SystemExit is how pydrake reports a condition of Drake's own code.
+    except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
+        raise ValueError(f"{source}: {one_line(error)}") from error
+
+
 def one_line(error: BaseException) -> str:
     """Returns the message of an error in one line.
 
@@ -94,7 +116,7 @@ def shortened(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def told(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Returns an error of a simulation in one line.
 
     Args:

@@ -15,13 +15,13 @@ from nadia_balance.parameters.scaling import NADIA
 from nadia_balance.parameters.yaml_reader import (
     field_types,
     load_tree,
+    naming,
     shortened,
 )
 from nadia_balance.parameters.yaml_writer import as_tree, dump
 from nadia_balance.policy import deploy_yaml, holosoma
 from nadia_balance.policy.network import Network
 from nadia_balance.policy.params import PolicyParams
-from nadia_balance.robot.urdf import naming
 
 # Seen from the folder of the ONNX file.
 _BESIDE = "deploy.yaml", "../params/deploy.yaml"

@@ -63,7 +63,7 @@ class LostWatch:
 
     _since = math.inf  # [s]
 
-    def look(self, time: float, squared_error: float) -> bool:
+    def update(self, time: float, squared_error: float) -> bool:
         """Tells whether it has.
 
         Args:
@@ -91,7 +91,7 @@ def lost_at(log: Log) -> float | None:
     if not {*ESTIMATE} <= {*log}:
         return None
     watch, ticks = LostWatch(), zip(log["t"], nees(log), strict=True)
-    return next((float(t) for t, e in ticks if watch.look(t, e)), None)
+    return next((float(t) for t, e in ticks if watch.update(t, e)), None)
 
 
 def measure_estimate(log: Log) -> dict[str, float] | None:

@@ -46,7 +46,7 @@ def hard_landing(log: Log, limits: LandingLimits | None) -> str:
         return ""
     for row in range(len(log["touchdowns"])):
         touchdown = signal_view(log, "touchdowns", row)
-        side = Side.LEFT if touchdown.side > 0.0 else Side.RIGHT
+        side = Side.of_sign(touchdown.side)
         for text, value, limit in (
             (
                 "at {:.2f} m/s along the ground",

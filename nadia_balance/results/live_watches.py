@@ -34,7 +34,7 @@ class VelocityWatch:
         # Time [s], x, y [m] and heading [rad], which does not jump.
         self._looks: deque[tuple[float, float, float, float]] = deque()
 
-    def look(self, time: float, place: Array, heading: float) -> Array:
+    def update(self, time: float, place: Array, heading: float) -> Array:
         """Returns the mean velocity.
 
         It is that of the displacement, seen from the heading in the middle of
@@ -134,7 +134,7 @@ class FallWatch:
         self._fast: deque[tuple[float, str, float]] = deque()
         self._errors: deque[tuple[float, float]] = deque()  # of the ICP [m]
 
-    def look(
+    def update(
         self,
         time: float,
         regions: CaptureRegions | None,

@@ -35,7 +35,7 @@ import numpy as np
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import FootPose, Mode, Phase, Side
 from nadia_balance.parameters.bounds import require
-from nadia_balance.systems.push_source import BOUNCE, LOADED
+from nadia_balance.systems.contact_clock import BOUNCE, LOADED
 from nadia_balance.systems.signals import (
     MODES,
     PHASES,
@@ -412,7 +412,7 @@ def support_side(walking: WalkingSignal) -> Side:
     Returns:
         The side of the foot.
     """
-    return Side.LEFT if walking.support_side > 0 else Side.RIGHT
+    return Side.of_sign(walking.support_side)
 
 
 def push_direction(walking: WalkingSignal | None, force: Array) -> float:

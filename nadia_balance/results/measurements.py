@@ -45,7 +45,9 @@ class CalmSteps:
 
     taken = 0
 
-    def look(self, steps_taken: int, error: float, pushed: bool | float) -> int:
+    def update(
+        self, steps_taken: int, error: float, pushed: bool | float
+    ) -> int:
         """Returns the number of calm steps until now.
 
         Args:
@@ -69,7 +71,7 @@ class StandsWatch:
 
     _since = math.inf  # [s]
 
-    def look(
+    def update(
         self,
         time: float,
         walking: WalkingSignal,
@@ -142,7 +144,7 @@ def walked_velocity(log: Log) -> tuple[Array, float] | None:
     watch = VelocityWatch(window)
     places = signal_view(log, "com_state").position[:2].T
     velocity = [
-        watch.look(
+        watch.update(
             float(time),
             place=places[row],
             heading=_heading(signal_view(log, "walking_signal", row)),
@@ -299,7 +301,7 @@ def _touchdowns(log: Log) -> list[dict[str, float | str]]:
     for row in range(len(log["touchdowns"])):
         touchdown = signal_view(log, "touchdowns", row)
         values = dict(zip(touchdown.get_fields(), touchdown[:], strict=True))
-        values["side"] = "left" if touchdown.side > 0.0 else "right"
+        values["side"] = Side.of_sign(touchdown.side).value
         values["early"] = _early(log, touchdown)
         rows.append(values)
     return rows

@@ -153,7 +153,7 @@ class LiveStory:
         self._pushed_after: int | None = None
         self._calm, self._stands = CalmSteps(), StandsWatch()
 
-    def look(
+    def update(
         self,
         time: float,
         walking: WalkingSignal,
@@ -208,8 +208,8 @@ class LiveStory:
             upright = time - self._pushed_at >= STEADY
             return f"UPRIGHT {STEADY:g} s after the push" if upright else ""
         taken, before = int(walking.steps_taken), self._pushed_after or 0
-        calm = self._calm.look(taken, error, pushed)
-        if self._stands.look(time, walking, error, pushed) >= SETTLED:
+        calm = self._calm.update(taken, error, pushed)
+        if self._stands.update(time, walking, error, pushed) >= SETTLED:
             return recovery_words(taken - before)
         if calm >= self._required:
             return recovery_words(self._calm.taken - before)

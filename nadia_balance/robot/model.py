@@ -27,7 +27,7 @@ from nadia_balance.core.math.arrays import Array, rectangle
 from nadia_balance.core.walking.state import ORIGIN, FootPose, Side
 from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.parameters.scaling import scaled
-from nadia_balance.parameters.yaml_reader import load_tree, load_typed
+from nadia_balance.parameters.yaml_reader import load_tree, load_typed, naming
 from nadia_balance.robot.leg_strength import (
     FootLimits,
     StandingKinematics,
@@ -45,7 +45,6 @@ from nadia_balance.robot.urdf import (
     check_plant,
     check_urdf,
     foot_width,
-    naming,
     remarks_on,
     with_lengths,
 )
@@ -53,8 +52,6 @@ from nadia_balance.robot.urdf import (
 # realistic: limits of a real robot.  ideal: full torque at any joint speed, any
 # foot speed, and no collisions between arms and legs.
 FIDELITIES = ("realistic", "ideal")
-FALLEN_HEIGHT = 0.6  # pelvis height, as a fraction of that at the start
-FALLEN_TILT = 1.0  # tilt of the pelvis against the vertical [rad]
 
 
 class RobotModel:

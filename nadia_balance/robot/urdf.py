@@ -1,9 +1,8 @@
 """A robot's URDF: its strict reader, its checks, and lengths measured in it."""
 
-import contextlib
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -30,6 +29,7 @@ from pydrake.systems.framework import Context
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.yaml_reader import naming
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.robot.plants import actuators, is_pitch, joints, joints_above
 
@@ -39,26 +39,6 @@ _MESHES = (".obj", ".gltf", ".vtk", ".stl", ".dae")
 _JOINTS = ("revolute", "continuous", "fixed")
 _LEVEL = 1e-3  # points of a foot so near to its lowest one are of the sole [m]
 _DIGITS = 3  # lengths are rounded to millimetres
-
-
-@contextlib.contextmanager
-def naming(source: str) -> Iterator[None]:
-    """Turns errors of its block into a ValueError that names their source.
-
-    Args:
-        source: what the message begins with.
-
-    Yields:
-        Nothing.
-
-    Raises:
-        ValueError: with the message of the error, on one line.
-    """
-    try:
-        yield
-    # SystemExit is how pydrake reports a condition of Drake's own code.
-    except (RuntimeError, ValueError, SyntaxError, SystemExit) as error:
-        raise ValueError(f"{source}: {' '.join(str(error).split())}") from error
 
 
 def add_urdf(plant: MultibodyPlant, urdf: Path) -> ModelInstanceIndex:

@@ -12,6 +12,7 @@ from typing import Any
 from nadia_balance.core.walking.mechanisms import (
     ATLAS_MECHANISMS,
     MECHANISMS,
+    MOST,
     NAMED,
 )
 from nadia_balance.diagrams.lipm import LipmDiagram
@@ -25,7 +26,7 @@ from nadia_balance.sweep.run_trial import limit_from
 from nadia_balance.sweep.search import SearchParams, Sweep, limit
 from nadia_balance.sweep.trials import (
     BLOCK,
-    MOST,
+    LARGEST_PUSH,
     Cell,
     Identity,
     Row,
@@ -283,7 +284,7 @@ def limit_table(
         limits = limits_of(scenarios[situation[0]], situation)
         assumptions |= {limit.assumptions for limit in limits[:1]}
         for name in mechanisms:
-            allowed = NAMED[[*MECHANISMS][-1] if has_own else name]
+            allowed = NAMED[MOST if has_own else name]
             on = [replace(limit, on=allowed) for limit in limits]
             cells = [Cell(*situation, name, one) for one in directions]
             records += [
@@ -418,10 +419,9 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
         for situation in dict.fromkeys(cell[:2] for cell in sweep.cells())
     }
     model = load_robot(sweep.one.robot).point_mass
-    speed = model.omega * model.com_height  # sqrt(g z)
     first = {}
     for cell in sweep.cells():
-        first[cell] = BEGIN_STANDING * speed
+        first[cell] = BEGIN_STANDING * model.froude_speed
         if limits[cell[:2]]:
             limit = replace(limits[cell[:2]][1], on=NAMED[cell.mechanisms])
             first[cell] = BEGIN * limit.largest_push(cell.direction_deg)
@@ -478,7 +478,7 @@ def known_limits(folder: Path, field: str = "limits") -> dict[Cell, float]:
             for line in csv.DictReader(file):
                 angle = float(line["direction_deg"])
                 limit = float(line["recovered"] or 0.0)
-                if not (0.0 <= angle < 360.0 and 0.0 <= limit <= MOST):
+                if not (0.0 <= angle < 360.0 and 0.0 <= limit <= LARGEST_PUSH):
                     raise ValueError
                 limits[Cell.of(line | {"direction_deg": angle})] = limit
         if not limits:

@@ -102,9 +102,9 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
     )
     robot = limits.identity["robot"]
     model = load_robot(robot).point_mass
-    speed = model.omega * model.com_height  # sqrt(g z)
     done = {
-        "1 m/s": f"{model.mass:.1f} N s, {1.0 / speed:.3f} sqrt(g z)",
+        "1 m/s": f"{model.mass:.1f} N s, "
+        f"{1.0 / model.froude_speed:.3f} sqrt(g z)",
         "limits": f"{sum(record['complete'] for record in limits.records)} "
         f"of {len(limits.records)} complete",
         "trials": outcomes(rows),

@@ -227,7 +227,7 @@ def _robot(name: str) -> MeasuredRobot:
         name=name,
         files=push_v1.robot_files(name),
         mass=model.mass,
-        speed=model.omega * model.com_height,
+        speed=model.froude_speed,
     )
 
 

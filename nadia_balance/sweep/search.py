@@ -29,7 +29,7 @@ from nadia_balance.parameters.bounds import (
 from nadia_balance.parameters.yaml_reader import check_types
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import (
-    MOST,
+    LARGEST_PUSH,
     Cell,
     Identity,
     Results,
@@ -54,7 +54,9 @@ class SearchParams:
         most=1000,
     )
     replicas: int = bounded(5, doc="of the same push", least=1, most=1000)
-    largest: float = bounded(3.0, doc="push", above=0.0, most=MOST, unit="m/s")
+    largest: float = bounded(
+        3.0, doc="push", above=0.0, most=LARGEST_PUSH, unit="m/s"
+    )
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "SearchParams":

@@ -40,7 +40,7 @@ IDENTITY = (
     "largest",
 )
 BLOCK = "block "  # before the role, in an identity
-MOST = 100.0  # no push is larger [m/s]
+LARGEST_PUSH = 100.0  # no push is larger [m/s]
 OUTCOMES = (RECOVERED, "fell", "failed", UNDECIDED, "error")
 
 Row = dict[str, Any]  # a trial, by the names of COLUMNS
@@ -317,8 +317,8 @@ def trial_of(line: dict[str, str]) -> Row:
         [*line] == [n for n in COLUMNS if n in line or n not in _LATER]
         and row["outcome"] in OUTCOMES
         and row["mechanisms"] in NAMED
-        and 0.0 <= row["delta_v"] <= MOST
-        and 0.0 <= row["direction_deg"] <= 360.0
+        and 0.0 <= row["delta_v"] <= LARGEST_PUSH
+        and 0.0 <= row["direction_deg"] < 360.0
         and row["replica"] >= 0,
         f"{', '.join(map(str, line.values()))}: is no trial",
     )

@@ -109,9 +109,10 @@ class Imu(Block):
     """Measures the mean angular velocity and specific force over a period.
 
     `state` is [q, v] of the robot's `control_plant`.  `imu`, (9,), is
-    in the IMU's frame I: the rotation per period [rad/s] and dv / T - g
-    [m/s^2], which a unit integrates at its own high rate, with every impact,
-    and the latest angular velocity, a mean of a SAMPLE.  Biases and white noise
+    in the IMU's frame I: the mean angular velocity over the period [rad/s] and
+    the mean specific force dv / T - g [m/s^2], which a unit integrates at its
+    own high rate, with every impact, and the latest angular velocity, a mean
+    of a SAMPLE.  Biases and white noise
     are added; then all is clipped at its range.  A tick's noise depends on the
     seed and the tick's number only.  The state has the orientation, velocity
     and bias of the last tick.
@@ -329,15 +330,15 @@ class StateEstimator(Block):
         )
 
     @staticmethod
-    def told(q: Array, seed: int) -> Array:
-        """What the robot is told of its pose: with an error of START.
+    def with_start_error(q: Array, seed: int) -> Array:
+        """The positions of a robot, its base with an error of START.
 
         Args:
             q: positions (nq,).
             seed: of the error.
 
         Returns:
-            The positions (nq,), with another pose of the base.
+            Positions (nq,).
         """
         turn, move = np.random.default_rng((seed, 0, 4)).standard_normal((2, 3))
         error: Any = gammas(START[0] * turn)[0]

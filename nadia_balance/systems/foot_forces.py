@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from pydrake.systems.framework import Context
 
+from nadia_balance.core.estimation.complementary import gravity_direction
 from nadia_balance.core.estimation.foot_forces import (
     TORQUE_ERROR,
     SoleTerms,
@@ -15,7 +16,6 @@ from nadia_balance.core.estimation.foot_forces import (
     observer_share,
     sole_forces,
 )
-from nadia_balance.core.estimation.invariant_ekf import gammas
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
@@ -33,7 +33,6 @@ from nadia_balance.systems.ports import (
     input_port,
 )
 
-TILT = 0.2  # at which the specific force corrects gravity's direction [1/s]
 _V = JacobianWrtVariable.kV
 
 
@@ -125,7 +124,7 @@ class FootForceEstimator(Block):
                 "rate": imu[6:],
                 "carried": np.ones(2),
             }
-        up = self._up(last["up"], imu)
+        up = gravity_direction(last["up"], imu, self._period)
         residual, terms = self._dynamics(
             self._scratch.Eval(context),
             imu=imu,
@@ -146,18 +145,6 @@ class FootForceEstimator(Block):
         )
         carried = carrying(forces, last["carried"], self._weight)
         return forces * carried, external, up, joints, torques, imu[6:], carried
-
-    def _up(self, last: Array, imu: Array) -> Array:
-        """The direction against gravity in I, a period after `last`.
-
-        By the gyro, and slowly by the specific force: a passive filter (Mahony,
-        Hamel and Pflimlin, IEEE TAC 53(5), 2008).
-        """
-        turned, _, _ = gammas(-self._period * imu[:3])
-        up = turned @ last
-        force = imu[3:6] / np.linalg.norm(imu[3:6])
-        up = up + TILT * self._period * (force - up)
-        return np.asarray(up / np.linalg.norm(up))
 
     def _dynamics(
         self,

@@ -9,7 +9,7 @@ computes all events that are due from the state and the inputs before any of
 them, so that all blocks see the same state in a tick: x+ = f(x-, u).  The
 walking state is a Python value, which only an unrestricted event can change.
 Drake makes discrete updates after all unrestricted ones: they would see the new
-walking state.  They would not be faster, either.
+walking state.  Only StatePredictor, which does not read it, has such an update.
 """
 
 import functools

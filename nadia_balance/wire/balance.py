@@ -1,6 +1,5 @@
 """What balances a robot by its bus: estimators and controller, tick by tick."""
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -18,12 +17,8 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.plan.footstep_plan import velocity_limits
 from nadia_balance.parameters.bounds import require
-from nadia_balance.robot.model import (
-    FALLEN_HEIGHT,
-    FALLEN_TILT,
-    RobotModel,
-    load_robot,
-)
+from nadia_balance.robot.fall import fall_of, upright
+from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.robot.plants import actuated_velocities, joints_above
 from nadia_balance.systems.estimation import StateEstimator, imu_place
@@ -34,10 +29,10 @@ from nadia_balance.wire.process import RobotProcess
 
 
 class Ticking:
-    """A system whose time is the number of the ticks before."""
+    """Runs a system tick by tick; its time is the number of ticks before."""
 
     def __init__(self, system: System, period: float) -> None:
-        """Begins.
+        """Makes the simulator.
 
         Args:
             system: with all inputs declared as vectors.
@@ -47,7 +42,7 @@ class Ticking:
         self.begin()
 
     def begin(self) -> None:
-        """Forgets all."""
+        """Starts anew, at tick 0."""
         self._simulator = Simulator(self._system)
         self._ticks = 0
 
@@ -103,18 +98,13 @@ class RobotBalance:
         robot: that is balanced.
         params: of the controller.
         sensors: place and errors of its IMU and encoders.
-        delay: of the measurements [s], a multiple of the control period.
 
     Raises:
         ValueError: as the blocks; or a joint has no actuator.
     """
 
     def __init__(
-        self,
-        robot: RobotModel,
-        params: ControllerParams,
-        sensors: SensorParams,
-        delay: float = 0.0,
+        self, robot: RobotModel, params: ControllerParams, sensors: SensorParams
     ) -> None:
         self.period = params.control_period
         plant = robot.control_plant()
@@ -136,8 +126,7 @@ class RobotBalance:
             _estimators(robot, sensors, self.period), self.period
         )
         self._control = Ticking(
-            BalanceController(params, robot, delay=delay, sensors=sensors),
-            self.period,
+            BalanceController(params, robot, sensors=sensors), self.period
         )
 
     def begin(self) -> None:
@@ -169,7 +158,8 @@ class RobotBalance:
         """
         w, x, y, z = state.quaternion.tolist()
         up = x * z - w * y, y * z + w * x, 0.5 - x**2 - y**2  # of W, in I / 2
-        return bool(2.0 * self._up_I @ up < math.cos(FALLEN_TILT))
+        height = self._standing[6]  # unknown yet
+        return bool(fall_of(2.0 * self._up_I @ up, height, height))
 
     def tick(
         self, imu: Array, state: RobotState, velocity: Array
@@ -210,7 +200,7 @@ class RobotBalance:
         )
 
     def finish(self) -> None:
-        """Makes of the last tick what its command does not need.
+        """Computes of the last tick what its command did not need.
 
         Raises:
             RuntimeError: a block has no value.
@@ -225,11 +215,7 @@ class RobotBalance:
             A few words; empty if it has not.
         """
         state = self._estimate.output("estimated_state")
-        if state[6] < FALLEN_HEIGHT * self._standing[6]:
-            return "pelvis too low"
-        w, x, y, z = state[:4]
-        up = (w**2 + z**2 - x**2 - y**2) / (state[:4] @ state[:4])
-        return "pelvis tilted" if up < math.cos(FALLEN_TILT) else ""
+        return fall_of(upright(state[:4]), state[6], self._standing[6])
 
     def _angles(self, state: RobotState) -> Array:
         """Angles and speeds (2 nj,) in the order of the joints."""
@@ -279,7 +265,9 @@ def _estimators(
 ) -> Diagram:
     """From imu, joints and torques to foot_forces and estimated_state."""
     forces = FootForceEstimator(robot, sensors, period)
-    estimator = StateEstimator(robot, sensors, period, None, 0.0)
+    estimator = StateEstimator(
+        robot=robot, sensors=sensors, period=period, q=None, height=0.0
+    )
     builder = DiagramBuilder()
     builder.AddNamedSystem("foot_force_estimator", forces)
     builder.AddNamedSystem("state_estimator", estimator)

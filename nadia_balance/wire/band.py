@@ -37,7 +37,7 @@ class Band:
         """Whether the robot stands, or lies, by itself."""
         return self.hold == 0.0
 
-    def look(self, is_stiff: bool, dt: float) -> None:
+    def advance(self, is_stiff: bool, dt: float) -> None:
         """Lifts or lowers for a while.
 
         Args:

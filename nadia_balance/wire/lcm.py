@@ -65,8 +65,8 @@ def is_here(address: str) -> bool:
 class _Group:
     """A multicast group: Drake sends to it, and a queue has what comes.
 
-    A subscription of Drake's keeps but one message from look to look, the
-    oldest; two or three samples come while a controller computes.
+    A subscription of Drake's keeps but one message from one `receive` to the
+    next, the oldest; two or three samples come while a controller computes.
     """
 
     def __init__(self, interface: str, domain: int) -> None:
@@ -116,10 +116,10 @@ class _Group:
         self._lcm.Publish(channel, data)
 
     def queue(self, channel: str) -> deque[bytes]:
-        """The messages of a channel from now on, which look() adds."""
+        """The messages of a channel from now on, which receive() adds."""
         return self._queues.setdefault(channel.encode(), deque(maxlen=64))
 
-    def look(self, timeout: float = 0.0) -> None:
+    def receive(self, timeout: float = 0.0) -> None:
         """Queues what has come; waits for the first for a while [s]."""
         while select.select([self._socket], [], [], timeout)[0]:
             timeout = 0.0
@@ -161,7 +161,7 @@ class _Channel:
         deadline = time.monotonic() + timeout
         while not self._messages:  # messages of other channels wake it, too
             left = max(deadline - time.monotonic(), 0.0)
-            self._group.look(left)
+            self._group.receive(left)
             if left == 0.0 and not self._messages:
                 return None
         try:
@@ -179,12 +179,12 @@ class _Channel:
 
     def waiting(self) -> int:
         """The number of messages that have come and were not taken."""
-        self._group.look()
+        self._group.receive()
         return len(self._messages)
 
     def senders(self) -> set[int]:
         """The stamps of all messages that have come, which are taken."""
-        self._group.look()
+        self._group.receive()
         # The last field of the message: decoding all of it would take longer.
         stamps = {int.from_bytes(data[-8:]) for data in self._messages}
         self._messages.clear()

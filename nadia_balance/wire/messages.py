@@ -35,8 +35,9 @@ class RobotState:
         q: joint angles (n,) [rad].
         dq: joint speeds (n,) [rad/s].
         tau: joint torques, as the drives estimate them (n,) [N m].
-        quaternion: orientation of the IMU in a level world (4,), w x y z.  Only
-            its norm is read here: yaw drifts, and tilt is estimated.
+        quaternion: orientation of the IMU in a level world (4,), w x y z.  Its
+            tilt is read until the robot balances; then tilt is estimated.  Its
+            yaw, which drifts, is never read.
         gyro: angular velocity of the IMU in its frame (3,) [rad/s].
         force: specific force a - g of the IMU in its frame (3,) [m/s^2]; at
             rest and level (0, 0, 9.81).

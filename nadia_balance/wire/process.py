@@ -1,4 +1,4 @@
-"""What a robot is told, sample by sample: damp, posture, load, balance.
+"""Commands to a robot, sample by sample: damp, posture, load, balance.
 
 Neither a wire nor a clock is in here: time is that of the samples.
 """
@@ -138,7 +138,7 @@ class Balance(Protocol):
         ...
 
     def finish(self) -> None:
-        """Makes of the last tick what its command does not need.
+        """Computes of the last tick what its command did not need.
 
         Raises:
             RuntimeError: a block has no value.

@@ -164,7 +164,7 @@ class Listener:
             self._reasons.add(kind)
             self._tell(f"refused: {reason}")
 
-    def look(self, now: float) -> None:
+    def release_if_silent(self, now: float) -> None:
         """Lets the robot go after a silence.
 
         Args:
@@ -256,7 +256,7 @@ class Serving:
             waits = waits or sample.time > self._newest
             self._newest = max(self._newest, sample.time)
         self._listen(waits)
-        self.listener.look(robot.time)
+        self.listener.release_if_silent(robot.time)
         self._push()
         robot.step(self.listener.command)
         self._look()

@@ -15,7 +15,8 @@ from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.engines.plants import add_mujoco_plant
 from nadia_balance.parameters.bounds import require
-from nadia_balance.robot.model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
+from nadia_balance.robot.fall import fall_of, upright
+from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.estimation import Imu, JointEncoders, imu_place
 from nadia_balance.systems.hardware import JointDrives
@@ -145,10 +146,8 @@ class SimulatedRobot:
     @property
     def is_down(self) -> bool:
         """Whether it has fallen."""
-        w, x, y, z = self.pose[:4]
-        up = w**2 + z**2 - x**2 - y**2
-        low = self.pose[6] < FALLEN_HEIGHT * self._standing[6]
-        return bool(low or up < np.cos(FALLEN_TILT))
+        pose = self.pose
+        return bool(fall_of(upright(pose[:4]), pose[6], self._standing[6]))
 
     def push(self, delta_v: float, direction_deg: float) -> None:
         """Pushes the pelvis for PUSH_TIME.
@@ -191,7 +190,7 @@ class SimulatedRobot:
         is_stiff = command.mode is Mode.ON and bool(
             command.kp.any() or command.tau.any()
         )
-        self.band.look(is_stiff, SAMPLE)
+        self.band.advance(is_stiff, SAMPLE)
         parts = command.q, command.dq, command.tau, command.kp, command.kd
         values = np.concatenate(parts)
         if command.mode is Mode.OFF:

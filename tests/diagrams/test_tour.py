@@ -94,8 +94,8 @@ def test_arms_walk_as_the_benchmark_draws_it():
         for name in WHEEL.BENCH_ARMS
     }
     walk = WHEEL.bench_arm_walk(7, 1.0, limits)
-    motions = tour.arm_motions(ROBOT, 7, walks=True)
-    still = tour.arm_motions(ROBOT, 7, walks=False)
+    motions = tour.arm_motions(ROBOT, 7, arms_move=True)
+    still = tour.arm_motions(ROBOT, 7, arms_move=False)
     assert {*motions} == {*still} == {*walk}
     steps = 25  # of the first window
     for name, path in walk.items():

@@ -37,7 +37,7 @@ def reason_after(looks) -> str:
     """The reason after these looks, a TICK apart."""
     watch = FallWatch()
     for i, look in enumerate(looks):
-        watch.look(i * TICK, *look)
+        watch.update(i * TICK, *look)
     return watch.reason()
 
 
@@ -99,7 +99,7 @@ def test_the_velocity_is_that_of_a_circle_seen_from_the_robot():
         angle = turn * time
         across = 1.0 - math.cos(angle)
         place = speed / turn * np.array([math.sin(angle), across])
-        velocity = watch.look(time, place, math.remainder(angle, math.tau))
+        velocity = watch.update(time, place, math.remainder(angle, math.tau))
     half = 0.5 * turn * window
     chord = speed * math.sin(half) / half
     assert velocity == pytest.approx([chord, 0.0, turn], abs=1e-9)
@@ -110,9 +110,9 @@ def test_the_sway_of_two_steps_does_not_count():
     watch = VelocityWatch(1.6)
     for time in np.arange(0.0, 4.0, TICK):
         sway = 0.05 * math.sin(2.0 * math.pi * time / 1.6)
-        velocity = watch.look(time, np.array([0.3 * time, sway]), 0.0)
+        velocity = watch.update(time, np.array([0.3 * time, sway]), 0.0)
     assert velocity == pytest.approx([0.3, 0.0, 0.0], abs=1e-9)
-    assert not VelocityWatch(1.6).look(0.0, np.zeros(2), 0.0).any()
+    assert not VelocityWatch(1.6).update(0.0, np.zeros(2), 0.0).any()
 
 
 def test_tells_forward_always_and_what_else_is_commanded():

@@ -148,10 +148,10 @@ def test_a_robot_stands_again_when_its_feet_are_square(
     assert summary["reason"].removeprefix("too short: ") == expected
     watch = StandsWatch()
     now = signal_view(log, "walking_signal", -1)
-    stood = [watch.look(t, now, 0.01, False) for t in (1.0, 1.2, 1.5)]
+    stood = [watch.update(t, now, 0.01, False) for t in (1.0, 1.2, 1.5)]
     assert stood == pytest.approx([0.0, 0.2, 0.5] if square else [0.0] * 3)
-    assert watch.look(1.6, now, 0.06, False) == 0.0
-    assert watch.look(1.7, now, 0.01, True) == 0.0
+    assert watch.update(1.6, now, 0.06, False) == 0.0
+    assert watch.update(1.7, now, 0.01, True) == 0.0
 
 
 def test_eight_steps_are_enough_to_tell_that_it_did_not_recover():

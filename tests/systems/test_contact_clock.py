@@ -6,7 +6,7 @@ import pytest
 from nadia_balance.core.walking.push import Push
 from nadia_balance.core.walking.state import Phase, Side
 from nadia_balance.results.log import phase_spans
-from nadia_balance.systems.push_source import ContactClock
+from nadia_balance.systems.contact_clock import ContactClock
 from tests.blocks import answer, fix, running
 from tests.diagrams.simulated import simulated
 from tests.diagrams.test_humanoid import WALK

@@ -83,7 +83,9 @@ def test_a_gyro_far_from_the_pelvis_adds_its_errors_to_the_velocity():
 def test_the_robot_is_told_where_it_stands_not_quite():
     """Oracle: moments of 200 seeds; joints are as they were."""
     q = standing_positions()
-    positions = np.array([StateEstimator.told(q, seed) for seed in range(200)])
+    positions = np.array(
+        [StateEstimator.with_start_error(q, seed) for seed in range(200)]
+    )
     assert np.array_equal(positions[:, 7:], np.tile(q[7:], (200, 1)))
     for error, size in (
         (2.0 * positions[:, 1:4], START[0]),

@@ -63,6 +63,7 @@ def test_advances_once_a_period(time, gain):
         FEET,
         FORCES / (MODEL.mass * GRAVITY),
         ICP,
+        footsteps=lambda: None,
         time_gain=gain or 0.0,
     )
     now = walking_state(machine, context)

@@ -9,7 +9,8 @@ from pydrake.math import RollPitchYaw
 from pydrake.systems.primitives import DiscreteTimeIntegrator
 
 from nadia_balance.balance_controller import controller_params
-from nadia_balance.robot.model import FALLEN_TILT, load_robot
+from nadia_balance.robot.fall import FALLEN_TILT
+from nadia_balance.robot.model import load_robot
 from nadia_balance.robot.params import load_sensors
 from nadia_balance.wire.balance import RobotBalance, Ticking
 from tests.wire.examples import state

@@ -11,7 +11,7 @@ MASS, HEIGHT, DT = 33.0, 1.15, 0.001
 def falling(band: Band, p, v, seconds: float, is_stiff: bool):
     """A point mass on the band, which lets go below its height."""
     for _ in range(round(seconds / DT)):
-        band.look(is_stiff, DT)
+        band.advance(is_stiff, DT)
         acceleration = band.force(p, v) / MASS - [0.0, 0.0, 9.81]
         v = v + DT * acceleration
         p = p + DT * v
@@ -36,14 +36,14 @@ def test_sets_down_a_robot_that_is_stiff_and_lifts_one_that_is_not():
     band = Band(MASS, HEIGHT)
     p, v = np.array([0.0, 0.0, HEIGHT]), np.zeros(3)
     for _ in range(3000):
-        band.look(True, DT)
+        band.advance(True, DT)
     assert band.hold == pytest.approx(0.5, abs=2 * DT)
     assert 0.0 < band.force(p, v)[2] < MASS * 9.81
     for _ in range(600):
-        band.look(True, DT)
+        band.advance(True, DT)
     assert band.is_slack
     assert not band.force(p, v).any()
-    band.look(False, DT)
+    band.advance(False, DT)
     assert not band.is_slack
     low = np.array([1.0, 2.0, 0.5])
     np.testing.assert_allclose(band.force(low, v)[:2], 0.0)  # above it
@@ -55,8 +55,8 @@ def test_one_that_does_not_catch_lets_a_robot_lie():
     """But does not drop one that has never stood."""
     band = Band(MASS, HEIGHT, catches=False)
     for is_stiff in [True] * 3000 + [False] * 1000:
-        band.look(is_stiff, DT)
+        band.advance(is_stiff, DT)
     assert band.hold == 1.0
     for is_stiff in [True] * 4000 + [False] * 1000:
-        band.look(is_stiff, DT)
+        band.advance(is_stiff, DT)
     assert band.is_slack

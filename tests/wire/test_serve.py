@@ -88,10 +88,10 @@ class TestListener:
         assert not self.listener.is_left
         sent = command()
         self.listener.hear(7, sent, now=1.0)
-        self.listener.look(1.05)
+        self.listener.release_if_silent(1.05)
         assert self.listener.command is sent
         assert not self.listener.is_left
-        self.listener.look(1.052)
+        self.listener.release_if_silent(1.052)
         assert self.listener.command is DAMPING
         assert self.listener.is_left
         assert self.lines == ["it is commanded", "no commands: damping"]
@@ -107,7 +107,7 @@ class TestListener:
             now = 1.0 + DT * tick
             self.listener.hear(7, bad, now)
             self.listener.hear(7, command(n=4), now)
-            self.listener.look(now)
+            self.listener.release_if_silent(now)
         assert self.listener.command is DAMPING
         assert self.listener.refused == 58
         assert [line for line in self.lines if line.startswith("refused")] == [
@@ -121,7 +121,7 @@ class TestListener:
         for tick in range(100):
             self.listener.hear(7, first, DT * tick)
             self.listener.hear(8, command(seed=1), DT * tick)
-            self.listener.look(DT * tick)
+            self.listener.release_if_silent(DT * tick)
             assert self.listener.command is first
         assert len(self.lines) == 2
         assert "a second controller" in self.lines[1]

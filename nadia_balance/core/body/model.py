@@ -79,6 +79,11 @@ class PointMassModel:
         """Natural frequency [rad/s] (Nadia paper, below Eq. 1)."""
         return natural_frequency(self.com_height)
 
+    @property
+    def froude_speed(self) -> float:
+        """The speed sqrt(g z) of Froude number 1, z the CoM's height [m/s]."""
+        return self.omega * self.com_height
+
     def foot_at(self, point: Array, nominal: FootPose) -> FootPose:
         """The foot that stands on the ground at a point.
 

@@ -23,6 +23,29 @@ TILT, SPEED, PLACE = 0.2, 2.0 * math.pi * 2.0, 2.0 * math.pi * 11.8
 ERROR = 0.03, 0.1, 0.3
 
 
+def gravity_direction(last: Array, imu: Array, period: float) -> Array:
+    """The direction against gravity in I, a period after `last`.
+
+    By the gyro, and slowly by the specific force: a passive filter.
+
+    Args:
+        last: unit vector in I (3,).
+        imu: mean angular velocity [rad/s] and specific force [m/s^2] in I over
+            the period, and more (n,).
+        period: since then [s].
+
+    Returns:
+        The unit vector in I (3,).
+
+    Source: Mahony, Hamel and Pflimlin, IEEE TAC 53(5), 2008.
+    """
+    turned, _, _ = gammas(-period * imu[:3])
+    up = turned @ last
+    force = imu[3:6] / np.linalg.norm(imu[3:6])
+    up = up + TILT * period * (force - up)
+    return np.asarray(up / np.linalg.norm(up))
+
+
 class Complementary:
     """Estimates by fixed gains, with the methods of an InvariantEkf.
 

@@ -1,1 +1,1 @@
-"""Arrays, bounds and units of parameters, polygons, the pendulum, QPs."""
+"""Arrays, polygons, segments, the pendulum, QPs."""

@@ -47,6 +47,9 @@ from nadia_balance.parameters.bounds import bounded, parameters
 
 _HALVINGS = 12  # of an interval of times [-]
 _STILL = 1e-6  # slower commands are to stand [m/s], [rad/s]
+# Errors of the ICP, in calm_error [-]: from one on, the robot has been pushed;
+# below the other, it stands still enough to square its feet.
+_PUSHED, _CALM = 2.0, 0.5
 
 
 @parameters
@@ -328,11 +331,24 @@ class FootstepPlan:
     ) -> tuple[Footstep, ...]:
         """Plans the footsteps after the present phase.
 
-        1. The ICP has left the support, or a swing ends with a large error of
-           it: as few steps as capture it, of the better foot (`recovery`).
-        2. A velocity is commanded: its next steps (`queue`).
-        3. The robot is calm, and its feet are not side by side: one step
-           (`squaring`).
+        In a swing, whose foot counts as landed, the first that holds:
+
+        1. A velocity is commanded, and the ICP's error is less than _PUSHED:
+           the next steps of the walk (`queue`).
+        2. The ICP leaves the support: as few steps as capture it (`recovery`).
+        3. The error is less than 1, and the step in the air catches nothing:
+           the other foot is put beside it (`squaring`).
+        4. The foot that is farther from the ICP is put beside the other one.
+
+        In standing or a transfer, the first that holds:
+
+        1. The ICP leaves the support: as few steps as capture it, of the better
+           foot (`recovery`).
+        2. A velocity is commanded: the next steps of the walk (`queue`).
+        3. It stands, the error is less than _CALM, and its feet are not side by
+           side: one step (`squaring`).
+
+        Errors are in `calm_error`.
 
         Args:
             state: the walking state; in a swing, its foot counts as landed.
@@ -347,13 +363,12 @@ class FootstepPlan:
         Returns:
             The footsteps; () to stand.
         """
-        schedule, calm_error = state.schedule, self.params.calm_error
-        error = math.dist(icp, reference)
+        schedule = state.schedule
+        error = math.dist(icp, reference) / self.params.calm_error
         moves = _moves(self.after_step(velocity, command))
         if schedule.phase is Phase.SWING:
             side, caught = schedule.support_side, self.was_caught(state)
-            # A push has priority over the command.
-            if moves and error < 2.0 * calm_error:
+            if moves and error < _PUSHED:
                 return self.queue(
                     side,
                     stance=feet[side.other],
@@ -367,7 +382,7 @@ class FootstepPlan:
                 return self.recovery(
                     (side,), schedule=schedule, feet=feet, icp=icp, on=on
                 )
-            if error < calm_error and not caught:
+            if error < 1.0 and not caught:
                 return self.squaring(side, feet, closes=True)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
             return self.squaring(side, feet, icp, reactive=True)
@@ -384,7 +399,7 @@ class FootstepPlan:
                 command=command,
                 first_transfer=self.params.initial_transfer_duration,
             )
-        if schedule.phase is Phase.STANDING and error < 0.5 * calm_error:
+        if schedule.phase is Phase.STANDING and error < _CALM:
             return self.squaring(schedule.support_side.other, feet)
         return ()
 
@@ -421,7 +436,7 @@ class FootstepPlan:
             or not schedule.footsteps
             or schedule.footsteps[0].reactive
             or far < near
-            or math.dist(icp, reference) < 2.0 * self.params.calm_error
+            or math.dist(icp, reference) < _PUSHED * self.params.calm_error
         ):
             return None
         better, planned = (

@@ -40,6 +40,9 @@ _KEPT = 8  # references of the last times
 def rows_at(t: float, duration: float, omega: float) -> Array:
     """(CoM, ICP, eCMP) = rows c, with c = (c0, ..., c5) (Nadia paper, Eq. 4).
 
+    Here c0 multiplies e^(omega (t - T)), T the duration: it is e^(omega T)
+    times the paper's, and does not overflow.
+
     Args:
         t: time since the segment began [s].
         duration: duration of the segment [s].
@@ -192,12 +195,12 @@ class IcpPlan(Immutable):
     """The reference motion from the start of the present phase on, in W.
 
     `duration` [s] is that of the present phase (infinite when standing).  N
-    segments with linear eCMPs meet at the times `knots` (N + 1,) [s] since the
-    phase began.  `cop_waypoints` (N + 1, 2) [m] are the desired CoPs there,
-    `coefficients` (N, 6, 2) those of Eq. 4.  `offset` (2,) [m] is the part of
-    the initial ICP that no eCMP within the support brings to the end of the
-    plan: it fades by e^-wt.  `stance` is what places the CoPs; None: the start
-    of the plan stays, whatever its steps.
+    segments, whose eCMPs are cubic at most, meet at the times `knots` (N + 1,)
+    [s] since the phase began.  `cop_waypoints` (N + 1, 2) [m] are the desired
+    CoPs there, `coefficients` (N, 6, 2) those of `rows_at`.  `offset` (2,) [m]
+    is the part of the initial ICP that no eCMP within the support brings to the
+    end of the plan: it fades by e^-wt.  `stance` is what places the CoPs; None:
+    the start of the plan stays, whatever its steps.
     """
 
     omega: float
@@ -366,8 +369,9 @@ def plan_icp(
 
     The plan of the present phase and of the footsteps after it starts with the
     CoM, CoP and ICP of schedule.start and ends at rest midway.
-    Erratum: as printed, Eq. 4 fixes the CoM at the start but not its velocity,
-    so that the reference ICP would jump whenever a new plan takes over.
+    Erratum: as printed, the conditions below Eq. 4 fix the CoM at the start but
+    not its velocity, so that the reference ICP would jump whenever a new plan
+    takes over.
 
     Args:
         schedule: present phase, feet and footsteps.

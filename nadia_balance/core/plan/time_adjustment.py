@@ -130,9 +130,9 @@ def is_leaving(
     """True if no feasible eCMP stops the ICP from diverging from its reference.
 
     This holds if the ICP is outside the support, its error points outward, and
-    the eCMP that would keep the error constant (K = 1 in the Nadia paper, Eq.
-    6) is not `margin` inside the support.  An ICP that only lags behind on its
-    way to the next foot does not leave.
+    the eCMP that would keep the error constant (k_p = 1 in the Nadia paper,
+    Eq. 6) is not `margin` inside the support.  An ICP that only lags behind on
+    its way to the next foot does not leave.
 
     Args:
         icp: measured ICP (2,) in W [m].
@@ -211,7 +211,7 @@ class Timing:
         least = params.min_transfer_duration - state.elapsed
         if swings and (hurried or abs(state.gained_time) > _NOTHING):
             foot = feet[state.schedule.support_side.other]
-            landing = self._time_to_foothold(state, foot)
+            landing = self.time_to_foothold(state, foot)
             late = self.time_to_return(state, foot, landing)
             if late > 0.0:
                 return TimeAdjustment(-late, -late)
@@ -257,11 +257,7 @@ class Timing:
         )
 
     def least_remaining_time(
-        self,
-        state: WalkingState,
-        foot: FootPose,
-        error: Array,
-        landing: float | None = None,
+        self, state: WalkingState, foot: FootPose, error: Array, landing: float
     ) -> float:
         """The least time t in which the foot reaches its foothold, moved.
 
@@ -272,16 +268,13 @@ class Timing:
             state: walking state in a swing.
             foot: measured sole of the swing foot in W.
             error: ICP error (2,) in W [m].
-            landing: time from rest at `foot` to its foothold [s]; None: it is
-                computed.
+            landing: time from rest at `foot` to its foothold [s].
 
         Returns:
             The lower bound on the remaining swing time by the clock [s]; that
             of the foothold as it is if the foot cannot reach the moved one
             within the remaining time.
         """
-        if landing is None:
-            landing = self._time_to_foothold(state, foot)
         least = max(
             self.params.least_rest_of_swing(
                 state.schedule.duration, state.elapsed
@@ -305,7 +298,7 @@ class Timing:
         return least
 
     def time_to_return(
-        self, state: WalkingState, foot: FootPose, landing: float | None = None
+        self, state: WalkingState, foot: FootPose, landing: float
     ) -> float:
         """The time for which the clock must be held until the foot is back.
 
@@ -324,8 +317,6 @@ class Timing:
         goal = state.schedule.footsteps[0].pose.p_WF
         if math.dist(foot.p_WF[:2], goal[:2]) < self.params.near_foothold:
             return 0.0
-        if landing is None:
-            landing = self._time_to_foothold(state, foot)
         late = (
             UNDER_WAY * landing
             - self.params.tolerated_delay
@@ -336,11 +327,18 @@ class Timing:
             limit += state.adjustment.prolonged
         return max(min(late, limit), 0.0)
 
-    def _time_to_foothold(self, state: WalkingState, foot: FootPose) -> float:
-        """Returns the time [s] from rest at `foot` to landing at the foothold.
+    def time_to_foothold(self, state: WalkingState, foot: FootPose) -> float:
+        """The time from rest at `foot` to landing at the foothold.
 
         The descent below the lower of `foot` and the lift-off height follows
         the horizontal motion.
+
+        Args:
+            state: walking state in a swing.
+            foot: measured sole of the swing foot in W.
+
+        Returns:
+            The time [s].
         """
         schedule, detour = state.schedule, self.model.detour
         side, goal = schedule.support_side, schedule.footsteps[0].pose.p_WF

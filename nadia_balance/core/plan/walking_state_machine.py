@@ -166,10 +166,10 @@ class StateMachine:
         feet: FootPoses,
         forces: Array,
         icp: Array,
+        footsteps: Callable[[], tuple[Footstep, ...] | None],
+        revised: tuple[Footstep, ...] | None = None,
         time_gain: float = 0.0,
         adjustment: Adjustment | None = None,
-        footsteps: Callable[[], tuple[Footstep, ...] | None] | None = None,
-        revised: tuple[Footstep, ...] | None = None,
     ) -> WalkingState:
         """Advances the walking state by one period.
 
@@ -179,16 +179,16 @@ class StateMachine:
             feet: the measured soles.
             forces: vertical forces (2,) [-] on them, per the robot's weight.
             icp: the measured ICP (2,) [m] in W.
-            time_gain: time [s] by which the clock advances on top of the
-                period; it is held if that is negative.
-            adjustment: the foothold wanted; None: it cannot be adjusted.
-            footsteps: the footsteps after the present phase, called when they
-                are needed; (): the robot comes to rest; None, or a call that
-                returns None: they are those of the schedule, from its start on.
+            footsteps: returns the footsteps after the present phase, when they
+                are needed; (): the robot comes to rest; None: they are those of
+                the schedule, from its start on.
             revised: the footsteps that have not landed, in the place of those
                 of the schedule; (): the robot comes to rest, not while a
                 foot is in the air.  None: as they are.  If the first is of the
                 foot that was to stay, a transfer to the other one begins.
+            time_gain: time [s] by which the clock advances on top of the
+                period; it is held if that is negative.
+            adjustment: the foothold wanted; None: it cannot be adjusted.
 
         Returns:
             The walking state one period later.
@@ -208,7 +208,7 @@ class StateMachine:
                 contact_time=state.contact_time,
             )
         if self._displaced(schedule, feet):
-            steps = None if footsteps is None else footsteps()
+            steps = footsteps()
             if steps is None:
                 steps = schedule.footsteps
             return self._start_transfer(state, plan, feet, steps)
@@ -273,7 +273,7 @@ class StateMachine:
         time = schedule.duration if done else time
         elapsed = state.elapsed + period
         lands = schedule.support_side.other if swings else schedule.support_side
-        force = float(forces[0 if lands is Side.LEFT else 1])
+        force = float(forces[lands.index])
         carries = force > params.contact_force
         # A share of real time: an advanced clock may pass half of the plan
         # before the foot has left the ground.
@@ -402,11 +402,10 @@ class StateMachine:
 
 
 def _following(
-    state: WalkingState,
-    footsteps: Callable[[], tuple[Footstep, ...] | None] | None,
+    state: WalkingState, footsteps: Callable[[], tuple[Footstep, ...] | None]
 ) -> tuple[Footstep, ...]:
     """Returns the `footsteps` after a phase; None: those of the schedule."""
-    steps = None if footsteps is None else footsteps()
+    steps = footsteps()
     if steps is not None:
         return steps
     schedule = state.schedule

@@ -10,6 +10,7 @@ import numpy as np
 
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.footstep_plan import within_limits
+from nadia_balance.core.plan.gait import middle
 from nadia_balance.core.walking.state import (
     ContactSchedule,
     FootPose,
@@ -84,11 +85,9 @@ def standing_place(
         The frame, in W.
     """
     side = schedule.support_side
-    stance, other = feet[side], feet[side.other]
     if schedule.phase is not Phase.STANDING:
-        return stance.displaced(0.0, -0.5 * side.sign * step_width)
-    turn = math.remainder(other.yaw - stance.yaw, math.tau)
-    return FootPose(0.5 * (stance.p_WF + other.p_WF), stance.yaw + 0.5 * turn)
+        return feet[side].displaced(0.0, -0.5 * side.sign * step_width)
+    return middle(feet)
 
 
 def velocity_to(

@@ -186,7 +186,7 @@ class CaptureRegionStepAdjusterParams:
 def one_step_region(
     icp: Array, foot: Array, omega: float, touchdown: tuple[float, float]
 ) -> Array:
-    """The one-step capture region C_1 (Nadia paper, Eq. 9).
+    """The one-step capture region C_1 (Nadia paper, Eq. 3 and Fig. 2).
 
         C_1 = hull of icp + (e^(omega t) - 1) (icp - q)
 

@@ -56,7 +56,7 @@ class Moment:
             return cls(time=float(at_time[1]))
         raise ValueError(
             f'at = {text!r}: must be like "right swing 25 %", from 0 to '
-            '100 %, like "2.5 s", or "standing"'
+            '100 %, or like "2.5 s"'
         )
 
     def __str__(self) -> str:

@@ -38,6 +38,23 @@ class Side(enum.Enum):
         """Sign of the lateral (y) coordinate of this side: left is +1."""
         return 1 if self is Side.LEFT else -1
 
+    @property
+    def index(self) -> int:
+        """Place of this side in an array of both: left is 0."""
+        return 0 if self is Side.LEFT else 1
+
+    @classmethod
+    def of_sign(cls, sign: float) -> Side:
+        """The side of a lateral coordinate.
+
+        Args:
+            sign: > 0 for the left side.
+
+        Returns:
+            The side.
+        """
+        return cls.LEFT if sign > 0.0 else cls.RIGHT
+
 
 class Phase(enum.Enum):
     """Contact phases of the gait."""

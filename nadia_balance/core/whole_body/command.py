@@ -290,7 +290,7 @@ def sole_normals(state: WalkingState) -> Array:
     normals = [feet.left.normal.tolist(), feet.right.normal.tolist()]
     if schedule.phase is Phase.SWING:
         step = schedule.footsteps[0]
-        i = 0 if step.side is Side.LEFT else 1
+        i = step.side.index
         s = state.time_in_phase / schedule.duration
         share = s * s * (3.0 - 2.0 * s)
         n = [

@@ -62,6 +62,7 @@ def next_tick(state, adjustment):
         feet=state.schedule.feet,
         forces=np.ones(2),
         icp=np.zeros(2),
+        footsteps=lambda: None,
         adjustment=adjustment,
     )
 

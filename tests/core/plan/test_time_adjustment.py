@@ -107,7 +107,8 @@ def test_the_swing_foot_gets_the_time_that_it_needs(
     target = schedule.footsteps[0].pose.p_WF
     foot = FootPose(target + [-distance, 0.0, height])
     timing = timing_of(detour=detour)
-    result = timing.least_remaining_time(state, foot, np.zeros(2))
+    landing = timing.time_to_foothold(state, foot)
+    result = timing.least_remaining_time(state, foot, np.zeros(2), landing)
     assert result == pytest.approx(expected, abs=1e-12)
 
 
@@ -123,7 +124,9 @@ def test_the_swing_foot_gets_the_time_to_where_the_icp_takes_its_foothold(size):
     adjusted = Adjustment(step, foot)
     state = WalkingState(schedule, 0.3, 0.3, adjustment=adjusted)
     error = np.array([size, 0.0])
-    result = timing_of().least_remaining_time(state, foot, error)
+    timing = timing_of()
+    landing = timing.time_to_foothold(state, foot)
+    result = timing.least_remaining_time(state, foot, error, landing)
     direction = step.pose.p_WF[:2] - foot.p_WF[:2]
 
     def in_time(t):
@@ -151,7 +154,9 @@ def test_a_foot_near_its_foothold_lands():
     slow = replace(DETOUR, settling=0.1)
     for distance, lands in ((0.075, True), (0.085, False)):
         foot = FootPose(target - [distance, 0.0, 0.0])
-        late = timing_of(detour=slow).time_to_return(state, foot)
+        timing = timing_of(detour=slow)
+        landing = timing.time_to_foothold(state, foot)
+        late = timing.time_to_return(state, foot, landing)
         assert (late == 0.0) is lands
 
 
@@ -179,7 +184,9 @@ def test_time_is_given_back_if_the_foothold_moves_away(
     )
     foot = FootPose(target.p_WF - [distance, 0.0, 0.0])
     feet = schedule.feet.with_foot(Side.RIGHT, foot)
-    result = timing_of().time_to_return(state, foot)
+    timing = timing_of()
+    landing = timing.time_to_foothold(state, foot)
+    result = timing.time_to_return(state, foot, landing)
     assert result == pytest.approx(expected, abs=1e-12)
     proposed = adjustment(plan.at(0.9).icp, plan, state, feet=feet)
     assert proposed == pytest.approx(-expected, abs=1e-12)
