@@ -111,6 +111,12 @@ class ClosedLoop(Diagram):
         names = field_types(Scenario)
         check_types(Scenario, {name: getattr(scenario, name) for name in names})
         check(scenario)
+        for name in "random_delta_v", "random_commands":
+            value = getattr(scenario, name)
+            require(
+                value == 0.0,
+                f"{name} = {value}: must be drawn by load_scenario",
+            )
         self.scenario = scenario
         self.robot: RobotModel = load_robot(scenario.robot, scenario.fidelity)
         self._regions: VectorLogSink | None = None

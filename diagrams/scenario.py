@@ -52,6 +52,17 @@ AT = "right swing 25 %"  # of the Nadia paper's Fig. 10
 STANDING = "standing"  # of with_push: with no steps at all, at STANDING_AT
 STANDING_AT = "1 s"
 TEXT = "scenario_text"  # source of what a text has set
+# Fields from which load_scenario derives others.
+OF_LOADING = frozenset(
+    (
+        "robot",
+        "units",
+        "fidelity",
+        "random_delta_v",
+        "random_pause",
+        "random_commands",
+    )
+)
 # Directions [deg] relative to a left stance foot (a right swing).
 DIRECTIONS = dict(forward=0.0, inward=90.0, backward=180.0, outward=270.0)
 SENSORS = ("perfect", "industrial", "consumer", "proprioceptive")
@@ -370,15 +381,22 @@ class Scenario:
         """Returns this scenario with other values, checked.
 
         Args:
-            **fields: those of a Scenario, in SI units.
+            **fields: those of a Scenario, in SI units.  Pushes and commands at
+                random stay those that load_scenario has drawn.
 
         Returns:
             Another scenario.
 
         Raises:
-            ValueError: names a field that there is not, or its bad value.
+            ValueError: names a field that there is not, its bad value, or one
+                on which others depend: those of load_scenario.
         """
         check_types(type(self), fields)
+        for name in OF_LOADING & {*fields}:
+            require(
+                fields[name] == getattr(self, name),
+                f"{name} = {fields[name]!r}: must be given to load_scenario",
+            )
         sources = {
             path: source
             for path, source in self.sources.items()

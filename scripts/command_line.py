@@ -422,7 +422,7 @@ def scenario_from(args: argparse.Namespace) -> Scenario:
         )
     if scenario.robot.endswith((".yaml", ".yml")):
         # It may be read again, or simulated, in another folder.
-        scenario = scenario.changed(robot=str(Path(scenario.robot).resolve()))
+        scenario = replace(scenario, robot=str(Path(scenario.robot).resolve()))
     if args.terrain is not None:
         scenario = scenario.changed(
             terrain=replace(scenario.terrain, name=args.terrain)

@@ -49,6 +49,24 @@ CALLS = {
     "nb.Push(directoin_deg=3)": "",
     "nb.VelocityCommands([(0, 1, 2)])": "rows[0] = (0.0, 1.0, 2.0): must",
     "nb.Imperfections(dely=1)": "",
+    # Of another type, which no YAML could hold.
+    "LOAD('stand', commands=[nb.Command(forward='3')])": "commands[0].forward",
+    "LOAD('stand', commands=[nb.Command(left=None)])": "commands[0].left = N",
+    "LOAD('stand', pushes=[nb.Push(delta_v='1')])": "pushes[0].delta_v = '1'",
+    "LOAD('stand', gait=nb.Gait(num_steps=2.5))": "gait.num_steps = 2.5: must",
+    "LOAD('stand', gait=nb.Gait(step=3))": "gait.step = 3: must be a StepVec",
+    "LOAD('stand').changed(duration='1')": "duration = '1': must be a number",
+    # Derived from others, or drawn, as it is loaded.
+    "LOAD('push').changed(robot='g1')": "robot = 'g1': must be given to load_",
+    "LOAD('push').changed(random_commands=0.5)": "random_commands = 0.5: must",
+    "nb.HumanoidDiagram(nb.Scenario(random_delta_v=0.5))": "random_delta_v = ",
+    "nb.simulate('stand', gait=nb.Gait(step_width=0.1))": "gait.step_width = ",
+    "nb.simulate('stand', gait=nb.Gait(step_width=0.9))": "gait.step_width = ",
+    "nb.ContactClock(300.0, -0.004)": "period = -0.004: must be > 0 s",
+    "nb.FootForceEstimator(ROBOT, None, 0.0)": "period = 0.0: must be > 0",
+    "nb.FrictionEstimator(PARAMS.whole_body, ROBOT.point_mass, NAN)": "period",
+    "nb.envelope('x', workers=1.5)": "workers = 1.5: must be in [1, ",
+    "nb.envelope('x', contract=3)": "contract = 3: must be a list",
 }
 NAMES = """
 import math
@@ -57,6 +75,8 @@ from pydrake.systems.framework import DiagramBuilder
 PARAMS = nb.load_scenario('stand').controller
 ROBOT = nb.load_robot('nadia')
 SOLE = ROBOT.sole
+NAN = math.nan
+LOAD = nb.load_scenario
 SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
 def PLANT(**given): return ROBOT.add_plant_to(DiagramBuilder(), **given)
 """

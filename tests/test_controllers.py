@@ -18,6 +18,7 @@ from nadia_balance.core.feedback.icp_step_qp import IcpStepQpParams
 from nadia_balance.core.steps.foothold_adjustment import current_adjustment
 from nadia_balance.core.walking.state import FootPose, Phase
 from nadia_balance.diagrams.humanoid import HumanoidDiagram
+from nadia_balance.diagrams.lipm import LipmDiagram
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.diagrams.simulation import simulate
 from nadia_balance.robot.model import load_robot
@@ -139,3 +140,19 @@ def test_parameters_of_a_robot_are_those_of_a_scenario_that_gives_none(robot):
     bare = load_scenario("walk_in_place", robot=robot)
     assert controller_params(robot) == bare.controller
     assert controller_params(robot).whole_body.joint_lower_limits
+
+
+def test_a_block_that_is_left_out_is_a_mechanism_that_is_off():
+    """Oracle: the same push with the blocks there, and their mechanisms off.
+
+    Without a step adjuster the foot waits before lift-off for as long as it
+    must; here it need not.
+    """
+    push = {"direction": "forward", "delta_v": 0.2}
+    scenario = load_scenario("push", mechanisms="icp_only").with_push(**push)
+    logs = [
+        simulate(LipmDiagram(scenario, **blocks), 4.0).logs
+        for blocks in ({}, {"step_adjuster": None, "timing_adapter": None})
+    ]
+    assert logs[0]["push_signal"].any()
+    assert np.array_equal(logs[0]["icp"], logs[1]["icp"])

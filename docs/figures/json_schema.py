@@ -6,8 +6,8 @@ import types
 import typing
 from typing import Any
 
-from nadia_balance.parameters.bounds import UNBOUNDED, Bounds, meaning
-from nadia_balance.parameters.yaml_reader import field_types, not_none
+from nadia_balance.parameters.bounds import UNBOUNDED, Bounds, meaning, not_none
+from nadia_balance.parameters.yaml_reader import field_types
 
 _TYPES = {bool: "boolean", float: "number", int: "integer", str: "string"}
 

@@ -36,6 +36,7 @@ from nadia_balance.systems.ports import (
     Block,
     declare_cache,
     declare_output,
+    declare_update,
     input_port,
 )
 from nadia_balance.systems.signals import ComState
@@ -275,7 +276,7 @@ class PointMassPlant(Block):
             calc=self._calc_forces,
             needs=feet_tickets,
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._step)
+        declare_update(self, period, self._step)
 
     def _calc_icp(self, context: Context) -> Array:
         com = ComState(context.get_discrete_state(self._com).value())

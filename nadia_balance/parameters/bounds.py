@@ -12,12 +12,33 @@ For example:
 """
 
 import dataclasses
+import functools
 import inspect
 import math
-from numbers import Real
-from typing import Any, NamedTuple, TypeVar, dataclass_transform
+import types
+from numbers import Integral, Real
+from typing import (
+    Any,
+    NamedTuple,
+    TypeVar,
+    Union,
+    cast,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 T = TypeVar("T")
+
+# What the value of a field must be, by its type, and which classes are that.
+KINDS: dict[Any, str] = {
+    bool: "true or false",
+    float: "a number",
+    int: "an integer",
+    str: "text (quote it)",
+}
+_CLASSES: dict[Any, type] = {bool: bool, float: Real, int: Integral, str: str}
 
 # Largest magnitude of a parameter without a bound, by unit, and for all others.
 LARGEST = {"s": 10.0, "m": 10.0}
@@ -106,7 +127,7 @@ UNBOUNDED = Bounds()
 def bounded(default: Any, *, doc: str = "", **bounds: Any) -> Any:
     """A dataclass field with its default, bounds and meaning.
 
-    None is always allowed.
+    None is allowed where the field's type has it.
 
     Args:
         default: value, or a factory such as `dict` or a class of parameters.
@@ -168,7 +189,7 @@ def meaning(field: "dataclasses.Field[Any]") -> str:
 
 
 def check(params: object, name: str = "") -> None:
-    """Checks all fields of a dataclass against their bounds.
+    """Checks all fields of a dataclass against their types and bounds.
 
     Descends into dataclasses, lists and mappings, then calls
     `params.validate_more()`, if defined, for conditions between fields.
@@ -178,14 +199,17 @@ def check(params: object, name: str = "") -> None:
         name: name of `params` itself, which messages begin with.
 
     Raises:
-        ValueError: names the first field out of its bounds, its value and the
-            rule, such as `steps[1].length = nan: must be finite`.
+        ValueError: names the first field of another type or out of its bounds,
+            its value and the rule, such as `steps[1].length = nan: must be
+            finite`.
     """
+    kinds = _kinds(cast(Any, type(params)))
     for field in dataclasses.fields(params):  # type: ignore[arg-type]
         _check(
             getattr(params, field.name),
             _join(name, field.name),
-            field.metadata.get("bounds", UNBOUNDED),
+            bounds=field.metadata.get("bounds", UNBOUNDED),
+            kind=kinds[field.name],
         )
     if hasattr(params, "validate_more"):
         try:
@@ -205,11 +229,7 @@ def check_number(name: str, value: float, **bounds: Any) -> None:
     Raises:
         ValueError: it is out of them, or no number.
     """
-    require(
-        isinstance(value, Real) and not isinstance(value, bool),
-        f"{name} = {value!r}: must be a number",
-    )
-    _check(value, name, Bounds(**bounds))
+    _check(value, name, Bounds(**bounds), float)
 
 
 def check_type(name: str, value: object, kind: type) -> None:
@@ -243,15 +263,40 @@ def require(fulfilled: bool, message: str) -> None:
         raise ValueError(message)
 
 
-def _check(value: object, name: str, bounds: Bounds) -> None:
+@functools.cache
+def _kinds(owner: type) -> dict[str, Any]:
+    """The types of the fields of a dataclass."""
+    return get_type_hints(owner)
+
+
+def not_none(kinds: tuple[Any, ...]) -> Any:
+    """The type X of an X | None.
+
+    Args:
+        kinds: X and None, in any order.
+
+    Returns:
+        X.
+    """
+    (kind,) = (kind for kind in kinds if kind is not types.NoneType)
+    return kind
+
+
+def _check(value: object, name: str, bounds: Bounds, kind: Any) -> None:
+    base, args = get_origin(kind), get_args(kind)
+    if base in (Union, types.UnionType):
+        if value is not None:
+            _check(value, name, bounds, not_none(args))
+        return
+    _check_kind(value, name, kind)
     if dataclasses.is_dataclass(value):
         check(value, name)
     elif isinstance(value, list | tuple):
         for i, item in enumerate(value):
-            _check(item, f"{name}[{i}]", bounds)
+            _check(item, f"{name}[{i}]", bounds, args[0] if args else Any)
     elif isinstance(value, dict):
         for key, item in value.items():
-            _check(item, _join(name, str(key)), bounds)
+            _check(item, _join(name, str(key)), bounds, args[1])
     elif isinstance(value, str):
         require(
             not bounds.one_of or value in bounds.one_of,
@@ -263,6 +308,21 @@ def _check(value: object, name: str, bounds: Bounds) -> None:
         and not bounds.allow(value)
     ):
         raise ValueError(f"{name} = {value}: must be {bounds.rule(value)}")
+
+
+def _check_kind(value: object, name: str, kind: Any) -> None:
+    """ValueError: the value is of another type than its field."""
+    base = get_origin(kind) or kind
+    if kind in KINDS:
+        is_kind = isinstance(value, _CLASSES[kind])
+        fits = is_kind and (kind is bool or not isinstance(value, bool))
+        require(fits, f"{name} = {value!r}: must be {KINDS[kind]}")
+    elif base in (list, dict) or dataclasses.is_dataclass(base):
+        classes = (list, tuple) if base is list else base
+        require(
+            isinstance(value, classes),
+            f"{name} = {value!r}: must be a {base.__name__}",
+        )
 
 
 def _join(name: str, part: str) -> str:

@@ -21,19 +21,13 @@ from typing import (
 
 import yaml
 
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import KINDS, not_none, require
 
 T = TypeVar("T")
 
 MOST_CHARACTERS = 1_000_000  # in a file
 MOST_NODES = 100_000  # in a file, with each alias expanded
 DEEPEST = 50  # levels of a tree
-_NAMES = {
-    bool: "true or false",
-    float: "a number",
-    int: "an integer",
-    str: "text (quote it)",
-}
 _Loader = yaml.CSafeLoader
 
 
@@ -284,19 +278,6 @@ def _made(schema: Any, value: Any, default: Any) -> Any:
     return int(float(value)) if schema is int else schema(value)
 
 
-def not_none(args: tuple[Any, ...]) -> Any:
-    """Returns the type X of an X | None.
-
-    Args:
-        args: X and None, in any order.
-
-    Returns:
-        X.
-    """
-    (option,) = (arg for arg in args if arg is not types.NoneType)
-    return option
-
-
 def check_types(schema: Any, value: object, name: str = "") -> None:
     """Checks the types of a tree, as from YAML.
 
@@ -309,8 +290,8 @@ def check_types(schema: Any, value: object, name: str = "") -> None:
         ValueError: names an unknown field, or one of a wrong type.
     """
     base, args = get_origin(schema), get_args(schema)
-    if schema in _NAMES:
-        _require(_is_scalar(schema, value), name, value, _NAMES[schema])
+    if schema in KINDS:
+        _require(_is_scalar(schema, value), name, value, KINDS[schema])
     elif base in (Union, types.UnionType):
         if value is not None:
             check_types(not_none(args), value, name)

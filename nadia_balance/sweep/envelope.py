@@ -23,7 +23,7 @@ from nadia_balance.sweep.limits import (
     limit_table,
 )
 from nadia_balance.sweep.report import write_report
-from nadia_balance.sweep.run_trial import open_workers, run_sweep
+from nadia_balance.sweep.run_trial import check_workers, open_workers, run_sweep
 from nadia_balance.sweep.search import SearchParams, Sweep
 
 MOST_DIRECTIONS = 72  # largest count of directions
@@ -82,6 +82,8 @@ def envelope(
     check_types(list[str], mechanisms, "mechanisms")
     check_type("at", at, str)
     check_type("search", search or SearchParams(), SearchParams)
+    check_workers(workers)
+    check_types(list[str], contract, "contract")
     name = controller if isinstance(controller, str) else name_of(controller)
     sweep = Sweep(
         scenarios={scenario: load_scenario(scenario, **changes)},

@@ -43,6 +43,22 @@ MOST_WALKS = 32  # walks that a process keeps, about 10 MB each
 MOST_WORKERS = 4 * dask.system.CPU_COUNT
 
 
+def check_workers(workers: int) -> None:
+    """Checks a number of processes of this machine.
+
+    Args:
+        workers: the number.
+
+    Raises:
+        ValueError: it is none in [1, MOST_WORKERS].
+    """
+    require(
+        isinstance(workers, int) and 1 <= workers <= MOST_WORKERS,
+        f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 for "
+        "each core",
+    )
+
+
 @contextlib.contextmanager
 def open_workers(
     workers: int, scheduler: str | None = None
@@ -62,11 +78,7 @@ def open_workers(
     """
     untyped: Any = distributed
     if scheduler is None:
-        require(
-            1 <= workers <= MOST_WORKERS,
-            f"workers = {workers}: must be in [1, {MOST_WORKERS}], up to 4 "
-            "for each core",
-        )
+        check_workers(workers)
         with (
             # Workers are not missed after Ctrl-Z, or the sleep of a laptop.
             dask.config.set({"distributed.scheduler.worker-ttl": None}),

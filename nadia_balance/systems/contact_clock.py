@@ -16,7 +16,12 @@ from nadia_balance.core.walking.state import (
     Side,
     WalkingState,
 )
-from nadia_balance.systems.ports import Block, declare_output, input_port
+from nadia_balance.systems.ports import (
+    Block,
+    declare_output,
+    declare_update,
+    input_port,
+)
 
 STOOD = 2.0  # a transfer of as many times its last duration is standing [-]
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
@@ -58,7 +63,7 @@ class ContactClock(Block):
             self._calc_walking,
             needs=[self.discrete_state_ticket(self._state)],
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self._standing = ContactSchedule(
             phase=Phase.STANDING,
             support_side=Side.LEFT,

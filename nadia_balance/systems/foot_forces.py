@@ -28,6 +28,7 @@ from nadia_balance.robot.plants import (
 from nadia_balance.systems.estimation import imu_place
 from nadia_balance.systems.ports import (
     Block,
+    check_period,
     declare_outcome,
     declare_scratch,
     input_port,
@@ -69,6 +70,7 @@ class FootForceEstimator(Block):
         self, robot: RobotModel, sensors: SensorParams, period: float
     ) -> None:
         super().__init__()
+        check_period(period)
         self._plant: Any = robot.control_plant()
         self._period, self._weight = period, robot.mass * GRAVITY
         nv = self._plant.num_velocities()

@@ -9,7 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context
 
 from nadia_balance.core.math.arrays import Array
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import check_number, require
 from nadia_balance.systems.ports import TICK_TOLERANCE, Block, input_port
 
 
@@ -44,7 +44,8 @@ class GivenJoints(Block):
         plant: with the actuators of all joints.
 
     Raises:
-        ValueError: a joint without a drive, or times that fall.
+        ValueError: a joint without a drive, times that fall, a number that is
+            not finite, or a gain < 0.
 
     .. pydrake_system::
 
@@ -65,9 +66,14 @@ class GivenJoints(Block):
             require(name in numbers, f"{name}: must be a joint with a drive")
             require(
                 len(motion.times) == len(motion.positions) > 0
+                and bool(np.isfinite([motion.times, motion.positions]).all())
                 and bool((np.diff(motion.times) > 0.0).all()),
                 f"{name}: must have a position for each of some rising times",
             )
+            for gain in "stiffness", "damping":
+                check_number(
+                    f"{name}: {gain}", getattr(motion, gain), least=0.0
+                )
         self._motions = {
             numbers[name]: (
                 (np.asarray(motion.times) - TICK_TOLERANCE).tolist(),

@@ -19,7 +19,7 @@ from nadia_balance.core.walking.state import Side, whole_ticks
 from nadia_balance.parameters.bounds import bounded, parameters, require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
-from nadia_balance.systems.ports import Block, Input, input_port
+from nadia_balance.systems.ports import Block, Input, check_period, input_port
 
 
 class JointDrives(Block):
@@ -177,12 +177,9 @@ class FootForceSensor(Block):
     ) -> None:
         super().__init__()
         self._step = step = plant.time_step()
-        self._steps = round(period / step) if step > 0.0 else 0
-        require(
-            self._steps >= 1 and abs(self._steps * step - period) <= 1e-9,
-            f"period = {period}: must be a multiple of the plant's "
-            f"time_step = {step} s",
-        )
+        require(step > 0.0, f"time_step = {step}: must be > 0 s")
+        check_period(period)
+        self._steps = whole_ticks("period", period, step)
         engine = engine or plant
         require(
             engine is not plant

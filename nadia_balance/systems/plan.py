@@ -52,11 +52,13 @@ from nadia_balance.core.walking.state import (
     WalkingState,
 )
 from nadia_balance.parameters.bounds import check, require
+from nadia_balance.parameters.yaml_reader import naming
 from nadia_balance.systems.ports import (
     TICK_TOLERANCE,
     Block,
     Input,
     declare_output,
+    declare_update,
     input_port,
     once_per_schedule,
     optional_input,
@@ -123,7 +125,7 @@ class WalkingStateMachine(Block):
             lambda context: walking_signal(self._walking_state(context)),
             needs=state_only,
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._advance)
+        declare_update(self, period, self._advance)
 
     def _walking_state(self, context: Context) -> Any:
         return context.get_abstract_state(self._state).get_value()
@@ -151,25 +153,37 @@ class WalkingStateMachine(Block):
         steps: tuple[Footstep, ...] | None = port(context)
         if not steps:
             return steps
-        for step in steps:
-            if not isinstance(step, Footstep):
-                raise port.error(
-                    context, f"has a {type(step).__name__}, needs Footsteps"
-                )
-            times = step.transfer_duration, step.swing_duration
-            if not (0.0 <= times[0] < math.inf and 0.0 < times[1] < math.inf):
-                raise port.error(
-                    context,
-                    f"has a transfer of {times[0]} s and a swing of {times[1]} "
-                    "s: they must be >= 0 and > 0",
-                )
-        if any(one.side is two.side for one, two in itertools.pairwise(steps)):
-            raise port.error(
-                context,
-                f"has feet {', '.join(step.side.value for step in steps)}: "
-                "they must take turns",
-            )
+        try:
+            check_footsteps(steps)
+        except ValueError as error:
+            raise port.error(context, str(error)) from None
         return steps
+
+
+def check_footsteps(steps: Sequence[Footstep]) -> None:
+    """Checks footsteps that are not ours.
+
+    Args:
+        steps: in their order.
+
+    Raises:
+        ValueError: one is no Footstep or has a bad duration, or the feet do not
+            take turns.
+    """
+    for step in steps:
+        if not isinstance(step, Footstep):
+            raise ValueError(f"has a {type(step).__name__}, needs Footsteps")
+        times = step.transfer_duration, step.swing_duration
+        if not (0.0 <= times[0] < math.inf and 0.0 < times[1] < math.inf):
+            raise ValueError(
+                f"has a transfer of {times[0]} s and a swing of {times[1]} s: "
+                "they must be >= 0 and > 0"
+            )
+    if any(one.side is two.side for one, two in itertools.pairwise(steps)):
+        raise ValueError(
+            f"has feet {', '.join(step.side.value for step in steps)}: they "
+            "must take turns"
+        )
 
 
 def walking_signal(state: WalkingState) -> list[float]:
@@ -273,7 +287,7 @@ class FootstepPlanner(Block):
         declare_output(
             self, "revised_footsteps", self._calc_revised, needs=needs
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
 
     def _velocity(self, context: Context) -> Any:
         return context.get_discrete_state(self._memory).value().copy()
@@ -363,6 +377,8 @@ class FixedFootsteps(FootstepPlanner):
             params, model, period, adjuster=adjuster, timing=timing
         )
         self._fixed = tuple(footsteps)
+        with naming("footsteps"):
+            check_footsteps(self._fixed)
         self._model, self._period = model, period
 
     def _calc_footsteps(self, context: Context) -> tuple[Footstep, ...]:

@@ -33,6 +33,7 @@ from pydrake.systems.framework import (
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import Mechanisms
 from nadia_balance.core.walking.state import ContactSchedule, WalkingState
+from nadia_balance.parameters.bounds import check_number
 from nadia_balance.systems.signals import SIGNALS, is_vector, size
 
 TICK_TOLERANCE = 1e-6  # times of ticks differ by rounding [s]
@@ -99,6 +100,9 @@ class Input:
         self._kind: Any = kind
         self._view = view if isinstance(kind, int) else kind
         self._is_vector = is_vector(kind)
+        if default is not _REQUIRED:
+            owner: Any = system
+            owner.open_inputs = {*getattr(system, "open_inputs", ()), name}
         if self._is_vector:
             self._port = system.DeclareVectorInputPort(name, size(kind))
         else:
@@ -133,8 +137,8 @@ class Input:
         if not self._is_vector:
             return value if isinstance(value, self._kind) else self._none(value)
         # The sum of squares is finite only if all entries are; `dot` is the
-        # fastest way to compute it.
-        if not math.isfinite(value.dot(value)):
+        # fastest way to compute it, but overflows from 1e154 on.
+        if not (math.isfinite(value.dot(value)) or np.isfinite(value).all()):
             raise self.error(context, "is not finite")
         return value if self._view is None else self._view(value)
 
@@ -339,6 +343,35 @@ def once_per_schedule(
     return plan
 
 
+def check_period(period: float) -> None:
+    """Checks a period before a block computes with it.
+
+    Args:
+        period: time between two ticks [s].
+
+    Raises:
+        ValueError: it is no number > 0.
+    """
+    check_number("period", period, above=0.0, unit="s")
+
+
+def declare_update(
+    system: LeafSystem, period: float, update: Callable[[Context, State], None]
+) -> None:
+    """Declares the unrestricted update of a tick, from time 0 on.
+
+    Args:
+        system: block that gets the update.
+        period: time between two ticks [s].
+        update: writes the new State.
+
+    Raises:
+        ValueError: see check_period.
+    """
+    check_period(period)
+    system.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, update)
+
+
 def declare_outcome(
     system: LeafSystem,
     outputs: Mapping[str, int],
@@ -406,4 +439,4 @@ def declare_outcome(
             ),
             tickets,
         )
-    system.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, remember)
+    declare_update(system, period, remember)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -22,7 +23,13 @@ from nadia_balance.core.walking.state import (
     whole_ticks,
 )
 from nadia_balance.parameters.bounds import check, check_number, require
-from nadia_balance.systems.ports import Block, input_port, optional_input
+from nadia_balance.systems.ports import (
+    Block,
+    check_period,
+    declare_update,
+    input_port,
+    optional_input,
+)
 
 _LIVE = Push(at="0 s", delta_v=0.0)  # a push like the live one
 # "Ticks left" of a push that has not begun: before its phase, and within it.
@@ -80,7 +87,7 @@ class PushSource(Block):
     ) -> None:
         super().__init__()
         check_number("mass", mass, above=0.0, unit="kg")
-        check_number("period", period, above=0.0, most=0.1, unit="s")
+        check_period(period)
         for i, push in enumerate(pushes):
             check(push, f"pushes[{i}]")
             whole_ticks(f"pushes[{i}].duration", push.duration, period)
@@ -126,7 +133,7 @@ class PushSource(Block):
                     not push.frame,
                     f"frame = {push.frame!r}: must be empty without links",
                 )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
 
     def _declare_spatial(self, plant: MultibodyPlant, base_body: str) -> None:
         """Declares `spatial_forces`, at first none, on bodies of the plant."""
@@ -162,7 +169,18 @@ class PushSource(Block):
             context: that of this system.
             delta_v: velocity change of the robot's mass [m/s].
             direction_deg: 0 forward, 90 left [deg].
+
+        Raises:
+            ValueError: there is no push, or none of an impulse; or a number is
+                out of its bounds.
         """
+        require(bool(self._pushes), "pushes = []: must have a push")
+        first = self._pushes[0]
+        check(
+            replace(
+                first, delta_v=delta_v, direction_deg=direction_deg, force=None
+            )
+        )
         parameter: Any = context.get_mutable_numeric_parameter(0)
         parameter.SetFromVector(
             [self._mass * delta_v / self._effective[0], direction_deg]

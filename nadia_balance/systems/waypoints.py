@@ -39,7 +39,8 @@ class WaypointFollower(Block):
         params: time and tolerances.
 
     Raises:
-        ValueError: no waypoint, or times that fall.
+        ValueError: no waypoint, times that fall, or a number that is not
+            finite.
 
     .. pydrake_system::
 
@@ -61,8 +62,11 @@ class WaypointFollower(Block):
         self._waypoints = list(waypoints)
         self._times = [one.time - TICK_TOLERANCE for one in waypoints]
         require(
-            bool(self._times) and bool((np.diff(self._times) > 0.0).all()),
-            f"waypoints = {self._waypoints}: must be in order of time",
+            bool(self._times)
+            and bool(np.isfinite(self._waypoints).all())
+            and bool((np.diff(self._times) > 0.0).all()),
+            f"waypoints = {self._waypoints}: must be finite, and in order of "
+            "time",
         )
         self._limits, self._width = limits, robot.point_mass.step_width
         self._walking = input_port(self, "walking_state")

@@ -25,8 +25,10 @@ from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.systems.ports import (
     Block,
+    check_period,
     declare_outcome,
     declare_output,
+    declare_update,
     input_port,
     optional_input,
 )
@@ -81,6 +83,7 @@ class WholeBodyInverseDynamics(Block):
         impedance: JointImpedanceParams | None = None,
     ) -> None:
         super().__init__()
+        check_period(period)
         plant, tasks = robot.control_plant(), tuple(tasks)
         self._params, self._has_tasks = params, bool(tasks)
         self._model = whole_body_model(robot, plant, params)
@@ -246,7 +249,7 @@ class FrictionEstimator(Block):
             lambda context: context.get_discrete_state_vector().value()[:1],
             needs=[self.all_state_ticket()],
         )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
 
     def _update(self, context: Context, new: Any) -> None:
         terms = self._terms(context)

@@ -96,7 +96,8 @@ def wire(
     """Adds blocks, connects ports of equal names and exports the others.
 
     Each input port is connected to the output port of its name, or else to the
-    diagram's input of its name.  All outputs become outputs of the diagram.
+    diagram's input of its name; an optional one may stay open.  All outputs
+    become outputs of the diagram.
 
     Args:
         builder: gets the blocks.
@@ -137,7 +138,7 @@ def wire(
             elif name in inputs:
                 builder.ExportInput(port, name)
                 exported.add(name)
-            else:
+            elif name not in getattr(block, "open_inputs", ()):
                 raise ValueError(
                     f"{label} must be one of "
                     f"{', '.join(sorted({*sources, *inputs}))}"

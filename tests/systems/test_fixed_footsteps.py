@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from nadia_balance.core.plan.footstep_plan import FootstepPlannerParams
 from nadia_balance.core.plan.gait import Gait, walking_start, within_reach
@@ -52,6 +53,23 @@ def test_the_rest_of_the_list_is_within_reach_of_where_the_foot_landed():
     expected = within_reach(STEPS[1:], far, MODEL.reach, STEPS[0], None)
     assert steps == expected and steps != STEPS[1:]
     assert not revised
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        (("x",), "has a str, needs Footsteps"),
+        (STEPS[:1] * 2, "has feet right, right: they must take turns"),
+        (
+            (replace(STEPS[0], swing_duration=np.nan),),
+            "has a transfer of 0.8 s and a swing of nan s",
+        ),
+    ],
+)
+def test_refuses_steps_that_nobody_could_make(steps, message):
+    """Oracle: the message names what is wrong."""
+    with pytest.raises(ValueError, match=f"^footsteps: {message}"):
+        FixedFootsteps(PARAMS, MODEL, PERIOD, footsteps=steps)
 
 
 def test_after_its_list_it_plans_as_the_planner():

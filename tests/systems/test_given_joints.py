@@ -39,6 +39,8 @@ def test_its_joints_are_commanded_and_no_others():
         (ELBOW, MOTION._replace(times=np.array([1.0])), f"{ELBOW}: must have"),
         (ELBOW, MOTION._replace(times=np.zeros(2)), f"{ELBOW}: must have"),
         (ELBOW, GivenMotion(*np.empty((2, 0)), 1.0, 1.0), f"{ELBOW}: must"),
+        (ELBOW, GivenMotion(*np.full((2, 1), np.nan), 1.0, 1.0), f"{ELBOW}: m"),
+        (ELBOW, MOTION._replace(damping=-1.0), f"{ELBOW}: damping = -1.0: mu"),
     ],
 )
 def test_refuses_what_it_cannot_command(name, motion, message):

@@ -286,6 +286,28 @@ def test_a_live_push_that_is_not_finite_is_an_error_that_tells_when(entry):
         simulator.AdvanceTo(10.5 * PERIOD)
 
 
+SINE_PUSH = Push(at="0 s", force=9.0, shape="sine", frequency=10.0)
+SMALL_PUSH = Push(at="0 s", delta_v=0.1)
+
+
+@pytest.mark.parametrize(
+    ("pushes", "delta_v", "direction", "message"),
+    [
+        ([], 0.5, 0.0, "pushes = []: must have a push"),
+        ([SINE_PUSH], 0.5, 0.0, "delta_v = 0.5: must be null for a sine"),
+        ([SMALL_PUSH], math.nan, 0.0, "delta_v = nan: must be"),
+        ([SMALL_PUSH], -1.0, 0.0, "delta_v = -1.0: must be in [0, 100]"),
+        ([SMALL_PUSH], 0.5, math.inf, "direction_deg = inf: must be in"),
+    ],
+)
+def test_refuses_to_set_what_is_no_push(pushes, delta_v, direction, message):
+    """Oracle: the message names the field; the context is as it was."""
+    source = PushSource(pushes, MASS, PERIOD)
+    context = source.CreateDefaultContext()
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        source.set_push(context, delta_v, direction)
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [

@@ -125,8 +125,8 @@ def test_walks_by_its_sensors(engine, estimator, velocity, duration):
 class Misled(StateEstimator):
     """Reads 0 of a loaded foot, 0.6 of the weight of another, in 5 % of all."""
 
-    def __init__(self, robot, *args):
-        super().__init__(robot, *args)
+    def __init__(self, robot, *args, **more):
+        super().__init__(robot, *args, **more)
         read_forces, weight = self._forces, robot.mass * 9.81
 
         def forces(context):
@@ -191,7 +191,9 @@ def test_a_saturated_imu_is_an_error_that_tells_when():
 def test_a_run_ends_when_the_estimator_is_lost(monkeypatch):
     """Oracle: by hand: told a place 0.1 m off, 20 deviations, at once."""
     step = np.eye(30)[4] * 0.1
-    monkeypatch.setattr(StateEstimator, "told", lambda q, _: q + step)
+    monkeypatch.setattr(
+        StateEstimator, "with_start_error", lambda q, _: q + step
+    )
     run = simulate(diagram_of("{sensors: consumer}"), 1.0)
     assert run.simulated_time == pytest.approx(0.2, abs=PERIOD)
     assert lost_at(run.logs) == pytest.approx(0.2)

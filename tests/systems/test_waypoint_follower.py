@@ -56,7 +56,10 @@ def test_each_waypoint_counts_from_its_time():
     assert turn == 0.0
 
 
-@pytest.mark.parametrize("points", [[], POINTS[::-1], POINTS[:1] * 2])
+@pytest.mark.parametrize(
+    "points",
+    [[], POINTS[::-1], POINTS[:1] * 2, [POINTS[0]._replace(yaw=np.nan)]],
+)
 def test_waypoints_must_be_in_order(points):
     with pytest.raises(
         ValueError, match=f"^{re.escape(f'waypoints = {points}')}"

@@ -119,12 +119,12 @@ class ComHeightPlan:
         Returns:
             Height in W [m] and its rate [m/s].
         """
-        rise, s = self.end - self.start, min(max(t / self.duration, 0.0), 1.0)
+        rise = self.end - self.start
+        if t >= self.duration:
+            return self.start + rise, 0.0
+        s = max(t / self.duration, 0.0)
         if rise < 0.0:
-            return (
-                self.start + rise * s * s,
-                2.0 * rise * s / self.duration if s < 1.0 else 0.0,
-            )
+            return self.start + rise * s * s, 2.0 * rise * s / self.duration
         return (
             self.start + rise * s * s * (3.0 - 2.0 * s),
             rise * 6.0 * s * (1.0 - s) / self.duration,

@@ -21,15 +21,17 @@ from nadia_balance.core.math.lipm import GRAVITY
 TILT, SPEED, PLACE = 0.2, 2.0 * math.pi * 2.0, 2.0 * math.pi * 11.8
 # Standard deviations: rotation [rad], velocity [m/s], position [m].
 ERROR = 0.03, 0.1, 0.3
+FALLING = 0.1 * GRAVITY  # specific force below which it tells no tilt [m/s^2]
 
 
 def gravity_direction(last: Array, imu: Array, period: float) -> Array:
     """The direction against gravity in I, a period after `last`.
 
-    By the gyro, and slowly by the specific force: a passive filter.
+    By the gyro, and slowly by the specific force, unless it falls freely: a
+    passive filter.
 
     Args:
-        last: unit vector in I (3,).
+        last: unit vector in I (3,); at first any of that direction.
         imu: mean angular velocity [rad/s] and specific force [m/s^2] in I over
             the period, and more (n,).
         period: since then [s].
@@ -41,8 +43,10 @@ def gravity_direction(last: Array, imu: Array, period: float) -> Array:
     """
     turned, _, _ = gammas(-period * imu[:3])
     up = turned @ last
-    force = imu[3:6] / np.linalg.norm(imu[3:6])
-    up = up + TILT * period * (force - up)
+    size = np.linalg.norm(imu[3:6])
+    if size < FALLING:
+        return np.asarray(up)
+    up = up + TILT * period * (imu[3:6] / size - up)
     return np.asarray(up / np.linalg.norm(up))
 
 
@@ -99,7 +103,8 @@ class Complementary:
         """
         T = self._period
         w, f = imu.reshape(2, 3)
-        tilt = skew(f / np.linalg.norm(f)) @ last.R[2]  # error of R, in I [rad]
+        size = max(float(np.linalg.norm(f)), FALLING)
+        tilt = skew(f / size) @ last.R[2]  # error of R, in I [rad]
         turned, mean, _ = gammas((w - last.bias[0] + TILT * tilt) * T)
         a = last.R @ mean @ f - (0.0, 0.0, GRAVITY)
         x, bias = last.x.copy(), last.bias.copy()

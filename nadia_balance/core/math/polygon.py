@@ -109,7 +109,7 @@ def contains(point: Array, polygon: Array, tolerance: float = 0.0) -> bool:
     Args:
         point: point (2,) [m].
         polygon: vertices (n, 2) [m]; also of a point or a line.
-        tolerance: largest distance from the polygon [m].
+        tolerance: by which its edges are moved outward [m].
 
     Returns:
         True if it is inside, or on an edge.

@@ -203,17 +203,25 @@ def walking_start(
         The walking state, with all footsteps of the gait.
 
     Raises:
-        ValueError: see `make_footsteps`; `model` is none.
+        ValueError: see `make_footsteps`; `model` is none, or does not stand as
+            wide.
     """
     check_type("model", model, PointMassModel)
-    width = model.step_width if gait.step_width is None else gait.step_width
+    width, reach = model.step_width, model.reach
+    if gait.step_width is not None:
+        width = gait.step_width
+        require(
+            reach.width_min <= width <= reach.width_max,
+            f"gait.step_width = {width}: must be in [{reach.width_min:.3g}, "
+            f"{reach.width_max:.3g}] m, as the steps of the robot",
+        )
     feet = FootPoses(
         left=place.displaced(0.0, 0.5 * width),
         right=place.displaced(0.0, -0.5 * width),
     )
     if model.ground is not None:
         feet = standing_on(model.ground, feet)
-    steps = make_footsteps(gait, feet, reach=model.reach, ground=model.ground)
+    steps = make_footsteps(gait, feet, reach=reach, ground=model.ground)
     first = steps[0].side if steps else Side(gait.first_swing)
     centre = middle(feet).p_WF[:2]
     return WalkingState(

@@ -419,6 +419,8 @@ def _bent(
     multipliers = recursive_multipliers(path.knots, float(path.knots[0]), omega)
     left_x, left_y = (icp_start - multipliers @ path.points).tolist()
     supports = path.supports
+    if not supports:
+        return path.points, np.array((left_x, left_y))
     bent = slice(1, len(supports) + 1)
     shares = multipliers[bent].tolist()
     pulls = [

@@ -358,9 +358,10 @@ class StateMachine:
         steps = list(schedule.footsteps)
         if adjustment is None or not steps or schedule.phase is Phase.STANDING:
             return state
-        for i, new in enumerate((adjustment, *adjustment.later)):
-            if new.pose != steps[i].pose:
-                steps[i] = replace(steps[i], pose=new.pose)
+        adjusted = adjustment, *adjustment.later
+        for i, (step, new) in enumerate(zip(steps, adjusted, strict=False)):
+            if new.pose != step.pose:
+                steps[i] = replace(step, pose=new.pose)
         if tuple(steps) != schedule.footsteps:
             schedule = plan.moved(
                 schedule, tuple(steps), t=state.time_in_phase, icp=icp

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from nadia_balance.core.math.arrays import Array
+from nadia_balance.parameters.bounds import require
 
 
 def _switch(label: str) -> Any:
@@ -47,12 +48,20 @@ class Mechanisms:
         """Returns the inverse of `as_vector`.
 
         Args:
-            vector: (NUM_SWITCHES,), on above 0.5.
+            vector: (NUM_SWITCHES,), each 0 or 1.
 
         Returns:
             The switches.
+
+        Raises:
+            ValueError: it has another size, or other numbers.
         """
-        return cls(*(vector > 0.5).tolist())
+        values = vector.tolist()
+        require(
+            len(values) == NUM_SWITCHES and {*values} <= {0.0, 1.0},
+            f"mechanisms = {values}: must be {NUM_SWITCHES} times 0 or 1",
+        )
+        return cls(*map(bool, values))
 
 
 # The names of the switches, and the labels of their buttons.

@@ -49,6 +49,12 @@ def test_feet_that_no_height_reaches_give_the_lowest_height():
     assert high.start == GROUND + PARAMS.min_height_ratio * NOMINAL
 
 
+@pytest.mark.parametrize("end", [0.7, 1.1])
+def test_a_phase_without_duration_is_at_its_end(end):
+    """Oracle: by hand: at the end, at rest."""
+    assert ComHeightPlan(start=0.9, end=end, duration=0.0).at(0.0) == (end, 0.0)
+
+
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -0.4])
 def test_the_height_is_continuous_over_a_walk(yaw):
     """Oracle: one phase ends where the next one begins, at rest."""

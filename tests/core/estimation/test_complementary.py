@@ -12,6 +12,7 @@ from nadia_balance.core.estimation.complementary import (
     SPEED,
     TILT,
     Complementary,
+    gravity_direction,
 )
 from nadia_balance.core.estimation.invariant_ekf import Legs, skew
 from nadia_balance.core.estimation.sensors import SensorParams
@@ -50,6 +51,17 @@ def test_gravity_tells_tilt_and_the_gyros_bias():
         state = FILTER.predict(state, np.concatenate((bias, UP)))
     left = (1.0 + 0.5 * TILT * ticks * T) * math.exp(-0.5 * TILT * ticks * T)
     assert state.bias[0] == pytest.approx(bias * (1.0 - left), abs=1e-5)
+
+
+def test_a_free_fall_tells_no_tilt():
+    """Oracle: the gyro alone; without rotation nothing turns."""
+    up, state = np.array([0.6, 0.0, 0.8]), standing()
+    for force in np.zeros(3), np.array([0.5, 0.0, 0.0]):
+        imu = np.concatenate((np.zeros(3), force))
+        assert gravity_direction(up, imu, T).tolist() == up.tolist()
+    fallen = FILTER.predict(state, np.zeros(6))
+    assert fallen.R.tolist() == state.R.tolist()
+    assert fallen.x[0] == pytest.approx(-UP * T)
 
 
 def test_feet_tell_the_velocity_and_the_place():

@@ -19,7 +19,16 @@ from nadia_balance.core.walking.state import (
     Side,
     WalkingState,
 )
-from tests.example_walks import MODEL, OMEGA, SOLE, at_rest, successor, walk
+from tests.example_walks import (
+    FEET,
+    MODEL,
+    OMEGA,
+    SOLE,
+    at_rest,
+    standing,
+    successor,
+    walk,
+)
 
 
 def rows_with_rates(t, durations):
@@ -126,6 +135,21 @@ WALKS = [
 
 def plan_of(schedule, params=PARAMS):
     return icp_plan.plan_icp(schedule, params, MODEL)
+
+
+def test_the_end_of_the_last_transfer_can_be_planned():
+    """Oracle: by hand: it stands midway, and what is left of the ICP fades."""
+    start = standing(FEET)
+    point = replace(start.start, com_velocity=np.array([0.1, 0.0]))
+    last = replace(
+        start, phase=Phase.TRANSFER, duration=0.8, start=point, start_time=0.6
+    )
+    plan = plan_of(last)
+    middle = 0.5 * (FEET.left.p_WF + FEET.right.p_WF)[:2]
+    assert plan.at(0.8).ecmp == pytest.approx(middle)
+    assert plan.at(0.6).icp == pytest.approx(
+        point.com + point.com_velocity / OMEGA
+    )
 
 
 def as_printed(schedule):
