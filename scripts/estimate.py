@@ -159,6 +159,7 @@ def _read_csv(path: Path, joints: Sequence[str]) -> dict[str, Array]:
         delimiter=",",
         names=True,
         deletechars="",
+        replace_space=" ",
         encoding=encoding,
         ndmin=1,  # also of a single row
     )
@@ -192,7 +193,8 @@ def _checked(
     this `mass` [kg] that stands, in our units.
     """
     t = log.pop("t")
-    log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))[:, :9]
+    if log["imu"].shape[1:] == (6,):
+        log["imu"] = np.hstack((log["imu"], log["imu"][:, :3]))
     sizes = {
         "imu": 9,
         "joints": 2 * num_joints,

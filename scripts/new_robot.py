@@ -248,7 +248,7 @@ def _standing_push(model: RobotModel, robot: str, fidelity: str) -> str:
     )
     return (
         f"standing, pushed forward for 0.1 s: recovers from {delta_v:.2f} m/s "
-        f"({delta_v * mass.mass:.0f} N s), {above}"
+        f"({delta_v * mass.mass:.3g} N s), {above}"
     )
 
 

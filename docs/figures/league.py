@@ -124,7 +124,11 @@ def page(folder: Path) -> str:
         ValueError: a row is of another protocol or robot, or is damaged.
         OSError: a row cannot be read.
     """
-    rows = {path.name: read_row(path) for path in sorted(folder.iterdir())}
+    rows = {
+        path.name: read_row(path)
+        for path in sorted(folder.iterdir())
+        if path.is_dir()
+    }
     parts = [ABOUT, "## What the columns are\n", NOTES]
     for variant, title in TITLES.items():
         for robot in push_v1.ROBOTS:

@@ -1,6 +1,7 @@
 """Anatomy of a robot: its legs, its torso, its sides and its axes."""
 
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from nadia_balance.new_robot.description import (
     Leg,
     Notes,
 )
+from nadia_balance.new_robot.shapes import find_sole
 from nadia_balance.parameters.bounds import require
 
 FEET = {"right_foot": Side.RIGHT, "left_foot": Side.LEFT}
@@ -25,6 +27,12 @@ _OBLIQUE = 0.64  # the same of a hip's pitch axis: 50 degrees [-]
 _EITHER_WAY = 0.3
 # A last pitch joint this near to one that is no knee, in bones, is a toe's.
 _TOE = 0.6
+# Axes within 3 degrees of one of the base's are along that.
+SQUARE = np.cos(np.deg2rad(3.0))
+# The middle of a sole nearer to the ankle, in its length, tells no direction.
+_CENTRED = 0.05
+_SIDES = {"l": 1, "left": 1, "r": -1, "right": -1}
+_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 # Links that the user names: of pelvis, torso, left_foot and right_foot.
 Names = Mapping[str, str]
@@ -134,8 +142,9 @@ def find_anatomy(
     """Finds torso, sides and axes of a robot.
 
     Forward is opposite to the motion of the feet when the knees bend from
-    straight to the farther end of their ranges, or, if they do not agree, from
-    the ankles to the feet's centres of mass.
+    straight to the farther end of their ranges; if they do not agree, from the
+    ankles to the middles of the soles; if these are below the ankles, by the
+    sides in the names.
 
     Args:
         robot: its root is the pelvis.
@@ -145,6 +154,9 @@ def find_anatomy(
 
     Returns:
         The anatomy.
+
+    Raises:
+        ValueError: it cannot be told, or a named torso is of a leg.
     """
     poses = robot.poses()
     feet = np.array([poses[leg.foot].translation() for leg in legs])
@@ -154,6 +166,7 @@ def find_anatomy(
     lateral = _snapped(across - up * (up @ across), "the feet")
     for leg in legs:
         leg.pitches = _pitches(robot, leg, lateral)
+    lateral = _across_knees(robot, legs, lateral=lateral, up=up, notes=notes)
     axes = np.stack([np.cross(lateral, up), lateral, up], axis=1)
     sign = _sign(robot, legs, named, axes=axes)
     sides = dict(zip(Side, legs if sign > 0.0 else legs[::-1], strict=True))
@@ -162,6 +175,11 @@ def find_anatomy(
         if named.get("torso")
         else _torso(robot, legs)
     )
+    for leg in legs:
+        require(
+            torso not in robot.below(robot.joints[leg.joints[0]].child),
+            f"torso = {torso!r}: must not be of the leg to {leg.foot}",
+        )
     notes.add(
         "guessed",
         f"pelvis {robot.root}, torso {torso}, feet "
@@ -188,16 +206,62 @@ def _sign(
     knees = [Knee(robot, leg, axes) for leg in legs]
     ahead = [knee.min_bend + knee.max_bend for knee in knees]
     if min(ahead) < _EITHER_WAY and max(ahead) > -_EITHER_WAY:
-        poses = robot.poses()
-        ahead = [
-            axes[:, 0]
-            @ (
-                poses[leg.foot] @ robot.links[leg.foot].M.get_com()
-                - poses[leg.foot].translation()
+        ahead = [_sole_ahead(robot, leg, axes) for leg in legs]
+        if abs(sum(ahead)) < 2.0 * _CENTRED:
+            signs = [side_signs((leg.foot, *leg.joints)) for leg in legs]
+            require(
+                signs in ([{1}, {-1}], [{-1}, {1}]),
+                f"feet {' and '.join(leg.foot for leg in legs)}: knees, soles "
+                "and names do not tell which way is forward: --left-foot must",
             )
-            for leg in legs
-        ]
+            return float(signs[0].pop())
     return 1.0 if sum(ahead) > 0.0 else -1.0
+
+
+def _sole_ahead(robot: Description, leg: Leg, axes: Array) -> float:
+    """How far the middle of a sole is ahead of its ankle, in its length [-]."""
+    poses = robot.poses()
+    X_RF = poses[leg.foot]
+    sole = find_sole(
+        robot.links[leg.foot], X_RF.rotation().inverse() @ -axes[:, 2]
+    )
+    ahead = (X_RF @ sole.points.T).T @ axes[:, 0]
+    (ankle,), _ = robot.hinges(leg.pitches[2:], poses)
+    middle = 0.5 * (ahead.min() + ahead.max()) - ankle @ axes[:, 0]
+    return float(middle / np.ptp(ahead))
+
+
+def side_signs(names: Sequence[str]) -> set[int]:
+    """The sides that are words of names.
+
+    Args:
+        names: of links and joints.
+
+    Returns:
+        +1 for left, -1 for right, or both.
+    """
+    words = {word.lower() for name in names for word in _WORDS.findall(name)}
+    return {_SIDES[word] for word in words & _SIDES.keys()}
+
+
+def _across_knees(
+    robot: Description,
+    legs: Sequence[Leg],
+    *,
+    lateral: Array,
+    up: Array,
+    notes: Notes,
+) -> Array:
+    """The lateral axis of a robot whose base is turned, by its knees' axes."""
+    _, axes = robot.hinges([leg.knee for leg in legs], robot.poses())
+    mean = np.sign(axes @ lateral) @ axes
+    mean -= up * (up @ mean)
+    mean /= np.linalg.norm(mean)
+    if mean @ lateral > SQUARE:
+        return lateral
+    turn = np.degrees(np.arccos(mean @ lateral))
+    notes.add("changed", f"turned by {turn:.0f} deg, as its knees", robot.root)
+    return np.asarray(mean)
 
 
 def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
@@ -229,7 +293,7 @@ def _pitches(robot: Description, leg: Leg, lateral: Array) -> list[str]:
 
 
 class Knee:
-    """A knee in the sagittal plane; its bend is > 0 if the foot moves back.
+    """A knee in the plane of its leg; its bend is > 0 if the foot moves back.
 
     `at_zero` is the bend at joint angle 0 [rad], `sense` the sign of d bend /
     d angle, `min_bend` and `max_bend` are the ends of its range [rad].
@@ -246,10 +310,14 @@ class Knee:
         points, hinges = robot.hinges(
             leg.pitches, robot.poses(dict.fromkeys(leg.joints, 0.0))
         )
-        a, b = np.diff(points @ axes[:, [0, 2]], axis=0)
+        sense = np.sign(hinges[1] @ axes[:, 1])
+        forward = np.cross(sense * hinges[1], axes[:, 2])
+        forward /= np.linalg.norm(forward)
+        along = np.cross(forward, sense * hinges[1])
+        a, b = np.diff(points @ np.stack([forward, along], axis=1), axis=0)
         self.bones = [float(np.linalg.norm(bone)) for bone in (a, b)]
         self.at_zero = float(np.arctan2(a[1] * b[0] - a[0] * b[1], a @ b))
-        self.sense = float(np.sign(hinges[1] @ axes[:, 1]))
+        self.sense = float(sense)
         joint = robot.joints[leg.knee]
         self.min_bend, self.max_bend = sorted(
             self.at_zero + self.sense * end

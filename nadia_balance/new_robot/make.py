@@ -14,7 +14,12 @@ from pydrake.multibody.tree import SpatialInertia
 
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.lipm import GRAVITY
-from nadia_balance.new_robot.anatomy import Names, find_anatomy, two_legs
+from nadia_balance.new_robot.anatomy import (
+    Names,
+    find_anatomy,
+    side_signs,
+    two_legs,
+)
 from nadia_balance.new_robot.description import (
     COLLIDING,
     VISUAL,
@@ -27,7 +32,7 @@ from nadia_balance.new_robot.description import (
     Shape,
 )
 from nadia_balance.new_robot.measure import measure, size_of, widths
-from nadia_balance.new_robot.read import DRAKE, MOMENTS, read_urdf
+from nadia_balance.new_robot.read import DRAKE, MOMENTS, TURN, read_urdf
 from nadia_balance.new_robot.read_mjcf import read_mjcf
 from nadia_balance.new_robot.shapes import Pairs, fit_capsules
 from nadia_balance.parameters.bounds import require
@@ -37,7 +42,6 @@ from nadia_balance.parameters.scaling import NADIA
 _ROTOR_SHARE = 0.1 / (90.9 * NADIA.leg**2)
 _SPEED = 12.0  # speed limit of joints without one [rad/s]
 _PLAUSIBLE = 25.0  # largest plausible speed limit [rad/s]
-_TURN = 6.3  # largest angle of a leg's joint [rad]
 _SMALL_MASS = 0.02  # of links without one [kg]
 # Mass over the cubed length of the legs, of any humanoid [kg/m^3].
 _DENSITY = np.array([20.0, 2000.0])
@@ -46,8 +50,6 @@ _UNLIKE = 0.2  # share of their mean by which left and right may differ [-]
 # Largest moment of inertia over mass times the square of the farthest point of
 # a shape [-].
 _LARGEST = 2.0
-_SIDES = {"l": 1, "left": 1, "r": -1, "right": -1}
-_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _FRICTION = "0.8"
 _FACES = 2000  # meshes with more are made coarser
 _OF_URDF = ("box", "sphere", "cylinder", "mesh")
@@ -201,7 +203,7 @@ def _check_of_leg(joint: Joint, reason: str) -> None:
         "range and effort (MJCF: forcerange)",
     )
     require(
-        max(-joint.lower, joint.upper) <= _TURN,
+        max(-joint.lower, joint.upper) <= TURN,
         f"joint {joint.name}: range of {joint.lower:.4g} to "
         f"{joint.upper:.4g}: must be within +-2 pi; units are rad",
     )
@@ -242,14 +244,17 @@ def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
                     "moments of inertia too large for mass and shapes",
                     link.name,
                 )
+    for joint in robot.joints.values():
+        if max(-joint.lower, joint.upper) > TURN:
+            notes.add("warning", "range beyond +-2 pi: degrees?", joint.name)
     left, right = anatomy.legs.values()
     for names in zip(left.joints, right.joints, strict=True):
         _doubt_pair([robot.joints[name] for name in names], robot, notes)
     for side, leg in anatomy.legs.items():
         for name in (leg.foot, *leg.joints):
-            words = {word.lower() for word in _WORDS.findall(name)}
-            signs = {_SIDES[word] for word in words & _SIDES.keys()}
-            if signs == {-side.sign}:  # both: left_foot_front_right
+            if side_signs([name]) == {
+                -side.sign
+            }:  # both: left_foot_front_right
                 notes.add(
                     "warning",
                     "left and right swapped? On the other side, seen forward",

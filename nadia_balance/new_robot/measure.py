@@ -13,7 +13,7 @@ from nadia_balance.core.body.model import LegGeometry
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.state import Side
-from nadia_balance.new_robot.anatomy import ALONG, Knee
+from nadia_balance.new_robot.anatomy import ALONG, SQUARE, Knee
 from nadia_balance.new_robot.description import (
     Anatomy,
     Description,
@@ -40,6 +40,9 @@ _SAME_DEPTH = 0.004  # tolerated difference of the soles' depths [m]
 _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
 _LARGEST_LEAN = 1.0  # largest outward angle of a leg [rad]
+_ASLANT = 0.035  # tilt across from which a leg or sole is drawn aslant [rad]
+_LEAST_SHARE = 0.6  # of a sole, that its rectangle should have [-]
+_FAR_BELOW = 0.3  # of the hips, where no pelvis is, in leg lengths [-]
 
 Fields = dict[str, Any]  # of robot.yaml [m, rad]
 
@@ -59,10 +62,11 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         ValueError: a foot has no sole, or it cannot stand with bent knees.
     """
     soles = _level_frames(robot, anatomy)
-    _check_extents(soles, notes)
+    hanging = _hanging(robot, anatomy, notes)
     heel, toe, half_width = largest_rectangle(
         [sole.points[:, :2] for sole in soles.values()]
     )
+    _doubt_soles(soles, (toe - heel) * 2.0 * half_width, notes)
     depth = _mean_of_alike(
         [sole.depth for sole in soles.values()],
         tolerance=_SAME_DEPTH,
@@ -80,7 +84,10 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
         place="long",
     )
     p_FS = np.array([0.5 * (heel + toe), 0.0, -depth])
-    posture = _posture(robot, list(anatomy.legs.values()), knees, p_FS=p_FS)
+    _raise_root(robot, anatomy, length=length, notes=notes)
+    posture = _posture(
+        robot, list(anatomy.legs.values()), knees, hanging=hanging, p_FS=p_FS
+    )
     com_height, geometry = _geometry(
         robot, anatomy, posture=posture, p_FS=p_FS, length=length
     )
@@ -116,7 +123,7 @@ def measure(robot: Description, anatomy: Anatomy, notes: Notes) -> Fields:
     ):
         notes.add("guessed", line)
     fields["reachability"] = _reach(
-        fields, geometry, lean=_lean(robot, anatomy), notes=notes
+        fields, geometry, lean=_lean(robot, anatomy, hanging), notes=notes
     )
     return fields
 
@@ -171,10 +178,10 @@ def _reach(
 def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
     """Gives pelvis, torso and feet frames with x forward and z up.
 
-    Those of the feet are along their soles; origins stay.  Returns the soles of
-    the feet, with points in the new frames.
+    Those of the feet are along their soles, and across the ankles' axes; all
+    origins stay.  Returns the soles of the feet, with points in the new frames.
     """
-    forward, _, up = anatomy.axes.T
+    forward, lateral, up = anatomy.axes.T
     R_RL = {link: pose.rotation() for link, pose in robot.poses().items()}
     soles = {
         foot: find_sole(robot.links[foot], R_RL[foot].inverse() @ -up)
@@ -182,8 +189,15 @@ def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
     }
     ups = dict.fromkeys((robot.root, anatomy.torso), up)
     ups |= {foot: R_RL[foot] @ -sole.down for foot, sole in soles.items()}
+    ahead = dict.fromkeys(ups, forward)
+    for leg in anatomy.legs.values():
+        (_, _, ankle) = robot.hinges(leg.pitches, robot.poses())[1]
+        if abs(ankle @ lateral) < SQUARE:
+            ahead[leg.foot] = np.cross(
+                np.sign(ankle @ lateral) * ankle, ups[leg.foot]
+            )
     for link, z in ups.items():
-        y = np.cross(z, forward)
+        y = np.cross(z, ahead[link])
         y /= np.linalg.norm(y)
         axes: Vector = np.stack([np.cross(y, z), y, z])
         R_NL = RotationMatrix.ProjectToRotationMatrix(axes) @ R_RL[link]
@@ -193,8 +207,71 @@ def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
     return soles
 
 
-def _check_extents(soles: Mapping[str, SolePlane], notes: Notes) -> None:
-    """Doubts soles that are no foot's."""
+def _raise_root(
+    robot: Description, anatomy: Anatomy, *, length: float, notes: Notes
+) -> None:
+    """Moves the root's origin between the hips, if it is on the ground."""
+    firsts = [leg.joints[0] for leg in anatomy.legs.values()]
+    between = robot.hinges(firsts, robot.poses())[0].mean(axis=0)
+    if between[2] > _FAR_BELOW * length:
+        robot.move(robot.root, RigidTransform(np.negative(between)))
+        notes.add(
+            "changed",
+            f"its origin is between the hips, not {between[2]:.2f} m below",
+            robot.root,
+        )
+
+
+def _hanging(
+    robot: Description, anatomy: Anatomy, notes: Notes
+) -> dict[str, float]:
+    """Angles [rad] of rolls, at which legs and soles are not aslant.
+
+    The first roll above the knee makes the knee's axis level, the first one
+    below it the sole; {} if they are so at 0.
+    """
+    angles: dict[str, float] = {}
+    for leg in anatomy.legs.values():
+        _, axes = robot.hinges(leg.joints, robot.poses())
+        knee = leg.joints.index(leg.knee)
+        rolls = [i for i, axis in enumerate(axes) if abs(axis[0]) > ALONG]
+        above = [leg.joints[i] for i in rolls if i < knee]
+        below = [leg.joints[i] for i in rolls if i > knee]
+        names = above[:1] + below[:1]
+
+        def tilts(values: Array, leg: Leg = leg, names: Any = names) -> Array:
+            poses = robot.poses(dict(zip(names, values, strict=True)))
+            _, (axis,) = robot.hinges([leg.knee], poses)
+            sole = poses[leg.foot].rotation().matrix()[2, 1]
+            return np.array([axis[2], sole])
+
+        if np.abs(tilts(np.zeros(len(names)))).max() < _ASLANT:
+            continue
+        ends = [
+            [robot.joints[name].nearest(end, _LEG_MARGIN) for name in names]
+            for end in (-np.inf, np.inf)
+        ]
+        solution = least_squares(tilts, np.mean(ends, axis=0), bounds=ends)
+        if np.abs(solution.fun).max() > _LEVEL:
+            notes.add(
+                "warning", f"the sole of {leg.foot} is not level, upright"
+            )
+            continue
+        turned = dict(zip(names, map(float, solution.x), strict=True))
+        notes.add(
+            "guessed",
+            f"{leg.foot} hangs straight, its sole level, at "
+            + ", ".join(f"{name} {x:.2f} rad" for name, x in turned.items()),
+        )
+        angles |= turned
+    return angles
+
+
+def _doubt_soles(
+    soles: Mapping[str, SolePlane], area: float, notes: Notes
+) -> None:
+    """Doubts soles that are no foot's, or much larger than `area` [m^2]."""
+    turned = []
     for foot, sole in soles.items():
         length, width = sole.extents
         require(
@@ -202,11 +279,18 @@ def _check_extents(soles: Mapping[str, SolePlane], notes: Notes) -> None:
             f"sole of {foot}: {length:.3g} m long: mesh in mm?",
         )
         if width > length:
-            notes.add(
-                "warning",
+            turned.append(
                 f"the sole of {foot} is wider than long, {width:.3f} and "
-                f"{length:.3f} m: is it turned?",
+                f"{length:.3f} m: is it turned?"
             )
+    turned = turned or [
+        f"the rectangle is {100.0 * area / sole.area:.0f} % of the sole of "
+        f"{foot}: is it turned?"
+        for foot, sole in soles.items()
+        if area < _LEAST_SHARE * sole.area
+    ]
+    for line in turned:
+        notes.add("warning", line)
 
 
 def _mean_of_alike(
@@ -269,7 +353,9 @@ def widths(reach: ReachabilityParams) -> dict[str, float]:
     }
 
 
-def _lean(robot: Description, anatomy: Anatomy) -> float:
+def _lean(
+    robot: Description, anatomy: Anatomy, hanging: Mapping[str, float]
+) -> float:
     """Largest outward angle [rad] of both legs, by the ranges of rolls."""
     lean = _LARGEST_LEAN
     for side, leg in anatomy.legs.items():
@@ -279,18 +365,23 @@ def _lean(robot: Description, anatomy: Anatomy) -> float:
             if abs(axes[i, 0]) > ALONG:
                 # Hips rotate the leg outward, ankles the foot back inward.
                 outward = side.sign * axes[i, 0] * (1 if i < above else -1)
-                joint = robot.joints[name]
-                lean = min(lean, joint.upper if outward > 0 else -joint.lower)
+                joint, zero = robot.joints[name], hanging.get(name, 0.0)
+                lean = min(
+                    lean,
+                    joint.upper - zero if outward > 0 else zero - joint.lower,
+                )
     return max(lean, 0.0)
 
 
 def _free(robot: Description, leg: Leg) -> list[str]:
     """The joints that put a sole under the CoM: pitches of hip and ankle.
 
-    If that of the hip is oblique, all but the knee.
+    If that of the hip is oblique, or the knee's axis not lateral, all but the
+    knee.
     """
-    _, axes = robot.hinges(leg.pitches[:1], robot.poses())
-    if abs(axes[0, 1]) > ALONG:
+    _, axes = robot.hinges(leg.pitches[:2], robot.poses())
+    hip, knee = np.abs(axes[:, 1])
+    if hip > ALONG and knee > SQUARE:
         return leg.pitches[::2]
     return [name for name in leg.joints if name != leg.knee]
 
@@ -300,6 +391,7 @@ def _posture(
     legs: Sequence[Leg],
     knees: Mapping[str, Knee],
     *,
+    hanging: Mapping[str, float],
     p_FS: Array,
 ) -> dict[str, float]:
     """Angles [rad] of all joints: knees bent, soles level under the CoM."""
@@ -316,13 +408,15 @@ def _posture(
         name: joint.nearest(0.0, 0.0 if name in of_legs else _ARM_MARGIN)
         for name, joint in robot.joints.items()
     }
+    angles.update(hanging)
     searched = [name for leg in legs for name in _free(robot, leg)]
     bounds = [
         [robot.joints[name].nearest(end, _LEG_MARGIN) for name in searched]
         for end in (-np.inf, np.inf)
     ]
 
-    hanging = robot.poses()
+    straight = robot.poses(hanging)
+    places = {leg.foot: straight[leg.foot].translation() for leg in legs}
 
     def error(values: Array) -> Array:
         angles.update(zip(searched, map(float, values), strict=True))
@@ -336,7 +430,7 @@ def _posture(
             misses += [(X_RF @ p_FS - com)[0], R[2, 0]]
             if len(searched) > 2 * len(legs):
                 # Its tilt across, its heading, and how far it moves aside [m].
-                aside = (X_RF @ p_FS - hanging[leg.foot] @ p_FS)[1]
+                aside = X_RF.translation()[1] - places[leg.foot][1]
                 misses += [R[2, 1], R[1, 0], aside]
         return np.array(misses)
 
@@ -347,7 +441,11 @@ def _posture(
             )
         solution = least_squares(
             error,
-            np.clip(np.zeros(len(searched)), bounds[0], bounds[1]),
+            np.clip(
+                [hanging.get(name, 0.0) for name in searched],
+                bounds[0],
+                bounds[1],
+            ),
             bounds=bounds,
         )
         if np.abs(error(solution.x)).max() < _LEVEL:

@@ -31,6 +31,7 @@ DRAKE = "{http://drake.mit.edu}"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _TAGS = {"link", "joint", "material", "transmission"}
 _LOOPS = ("loop", "bushing", "constraint")
+TURN = 6.3  # largest angle that is meant in rad
 _POSITIVE = {"size", "radius", "length", "a", "b", "c"}
 _NOT_NEGATIVE = {"effort", "velocity", "damping", "value"}
 _ZERO = "0 0 0"
@@ -75,9 +76,14 @@ class _Part:
         return float(self.numbers(path, key, default)[0])
 
     def pose(self, path: str) -> RigidTransform:
+        rpy = self.numbers(path, "rpy", _ZERO)
+        require(
+            np.abs(rpy).max() <= TURN,
+            f"{self.name}: {path}: rpy = {rpy.tolist()}: must be within "
+            "+-2 pi; units are rad",
+        )
         return RigidTransform(
-            p=self.numbers(path, "xyz", _ZERO),
-            rpy=RollPitchYaw(self.numbers(path, "rpy", _ZERO)),
+            p=self.numbers(path, "xyz", _ZERO), rpy=RollPitchYaw(rpy)
         )
 
 

@@ -15,6 +15,19 @@ from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import check_types, load_tree
 
 _ACTION = "actions.JointPositionAction"
+# What is read of it, and what Isaac Lab's class has beside.
+_FIELDS = (
+    "scale",
+    "offset",
+    "clip",
+    "joint_names",
+    "joint_ids",
+    "class_type",
+    "asset_name",
+    "debug_vis",
+    "preserve_order",
+    "use_default_offset",
+)
 _RANGES = "lin_vel_x", "lin_vel_y", "ang_vel_z"
 _TERM_FIELDS = "params", "clip", "scale", "history_length"
 _TERM_PARAMS = "command_name", "period"
@@ -70,6 +83,8 @@ def params_tree(
     action = _child(deploy, _ACTION)
     for name in _child(deploy, "actions"):
         _require_one_of(f"actions.{name}", name, [_ACTION.split(".")[1]])
+    for name in action:
+        _require_one_of(f"{_ACTION}.{name}", name, _FIELDS)
     names = action.get("joint_names")
     require(
         names in (None, [".*"], joints),
@@ -109,10 +124,10 @@ def params_tree(
 
 def _numbers(deploy: Mapping[str, Any], motors: Sequence[str]) -> list[int]:
     """The motor of each joint of the policy."""
-    numbers: Any = deploy.get("joint_ids_map")
-    check_types(list[int], numbers, "joint_ids_map")
+    check_types(list[int], deploy.get("joint_ids_map"), "joint_ids_map")
+    numbers = [int(number) for number in deploy["joint_ids_map"]]
     allowed = range(len(motors))
-    for i, number in enumerate(numbers or []):
+    for i, number in enumerate(numbers):
         require(
             number in allowed,
             f"joint_ids_map[{i}] = {number}: must be a motor of the robot, 0 "
@@ -123,7 +138,7 @@ def _numbers(deploy: Mapping[str, Any], motors: Sequence[str]) -> list[int]:
             f"joint_ids_map[{i}] = {number}: must come only once",
         )
     require(bool(numbers), "joint_ids_map = []: must have motors")
-    return [int(number) for number in numbers or []]
+    return numbers
 
 
 def _child(deploy: Mapping[str, Any], path: str) -> Any:

@@ -28,6 +28,7 @@ from nadia_balance.core.math.segments import (
 )
 from nadia_balance.core.whole_body.command import Avoidance
 from nadia_balance.core.whole_body.params import CollisionAvoidanceParams
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.robot.plants import body_poses, joints
 
@@ -227,7 +228,12 @@ def _body(
 
 
 def _moved_by(plant: MultibodyPlant, names: Collection[str]) -> set[BodyIndex]:
-    """The bodies moved by joints of these names."""
+    """The bodies moved by joints of these names, given ones."""
+    for name in names:
+        require(
+            plant.HasJointNamed(name),
+            f"given_joints: {name}: the robot has no such joint",
+        )
     moving = [plant.GetJointByName(name).index() for name in names]
     return set(plant.GetBodiesKinematicallyAffectedBy(moving))
 

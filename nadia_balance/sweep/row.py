@@ -14,7 +14,7 @@ from typing import Any
 
 from nadia_balance.diagrams.own_blocks import NONE, file_of, names_class
 from nadia_balance.parameters.bounds import bounded, check, parameters, require
-from nadia_balance.parameters.yaml_reader import one_line, typed
+from nadia_balance.parameters.yaml_reader import naming, one_line, typed
 from nadia_balance.results.folder import appearing, write_csv
 from nadia_balance.results.pages import CONTRACT
 from nadia_balance.results.versions import versions
@@ -367,10 +367,8 @@ def read_row(folder: Path) -> Row:
         )
         row = typed(Row, tree)
         check(row)
-        require(
-            dataclasses.asdict(row) == tree,
-            f"must have every field of {SCHEMA}",
-        )
+        other = _difference(dataclasses.asdict(row), tree)
+        require(not other, f"{other}: must be there, as in {SCHEMA}")
         require(
             row.who.strip() != "",
             f"who = {row.who!r}: must be who has measured it",
@@ -400,6 +398,20 @@ def read_row(folder: Path) -> Row:
     return row
 
 
+def _difference(value: object, tree: object, path: str = "row") -> str:
+    """Path of the first value that the tree lacks, or has otherwise."""
+    if isinstance(value, dict) and isinstance(tree, dict):
+        parts = (
+            (f"{path}.{key}", x, tree.get(key)) for key, x in value.items()
+        )
+    elif isinstance(value, list) and isinstance(tree, list):
+        pairs = zip(value, tree, strict=True)
+        parts = ((f"{path}[{i}]", *pair) for i, pair in enumerate(pairs))
+    else:
+        return "" if type(value) is type(tree) and value == tree else path
+    return next(filter(None, (_difference(x, y, p) for p, x, y in parts)), "")
+
+
 def read_trials(folder: Path) -> list[Trial]:
     """Reads the trials of a row.
 
@@ -415,11 +427,12 @@ def read_trials(folder: Path) -> list[Trial]:
     """
     trials = []
     with open(folder / TRIALS, encoding="utf-8", newline="") as file:
-        for line in csv.DictReader(file):
+        for number, line in enumerate(csv.DictReader(file), start=2):
             conditions = {
                 name: line.pop(name, "") for name in ("fidelity", "engine")
             }
-            trials.append(conditions | trial_of(line))
+            with naming(f"{TRIALS}, line {number}"):
+                trials.append(conditions | trial_of(line))
     return trials
 
 
@@ -459,6 +472,9 @@ def _check_limits(row: Row, trials: list[Trial]) -> None:
             one.complete == is_complete,
             f"complete of {name} = {one.complete}: must be {is_complete}, as "
             "the trials say",
+        )
+        require(
+            one.complete, f"complete of {name} = False: the search must end"
         )
         measured = _from_trials(one.recovered, group, row.robot)
         for field, value in measured.items():

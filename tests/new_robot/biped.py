@@ -42,10 +42,13 @@ class Biped:
     drawn_bend: float = 0.0  # of the knee at angle 0 [rad]
     foot_ahead: float = 0.03  # its centre of mass, of the ankle
     hip_slant: float = 0.0  # of the pitch axis, up at its outer end [rad]
+    drawn_apart: float = 0.0  # of the legs at angle 0, by the rolls [rad]
+    toes_out: float = 0.0  # of the legs at angle 0, by the yaws [rad]
     # Rows: forward, left, up in the base's axes; None: as they should be.
     base_axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     turned: bool = True  # the frames of the links
     rods: bool = False  # on each shin, which follow the ankle
+    footprint: bool = False  # a root without mass on the ground, as of ROS
     seed: int = 0
 
     def write(self, folder: Path) -> Path:
@@ -83,6 +86,11 @@ class Biped:
 
     def _upper_body(self) -> None:
         self._link("pelvis", 10.0, (0.0, 0.0, 0.05), 0.1)
+        if self.footprint:
+            self._frames["base_footprint"] = self._frame("pelvis")
+            self._link("base_footprint", 0.0)
+            at = (0.0, 0.0, self.thigh + self.shin + self.ankle)
+            self._joint("on_ground", "base_footprint", "pelvis", at)
         self._link("spine", 0.0)
         self._joint("waist", "pelvis", "spine", (0, 0, 0.1), Z)
         self._link("chest", 20.0, (0.0, 0.0, 0.25), 0.15)
@@ -114,6 +122,11 @@ class Biped:
         bend, roll = self.knee_sign * Y, (-self.ankle_roll, self.ankle_roll)
         pitch = np.cos(slant) * Y + side * np.sin(slant) * Z
         bow = (-1.0 + drawn, 0.7 + drawn)
+        # Angles at which the file draws what stands upright.
+        zeros = {
+            "yaw": side * self.toes_out * Z,
+            "roll": side * self.drawn_apart * X,
+        }
         foot = (self.foot_ahead, 0.0, -0.06)
         holder = "pelvis"
         for link, mass, com, radius, joint, at, axis, limits in (
@@ -127,7 +140,10 @@ class Biped:
         ):
             name = f"{n}_{link}"
             element = self._link(name, mass, com, radius)
-            self._joint(f"{n}_{joint}", holder, name, at, axis, limits)
+            turn = zeros.get(joint, np.zeros(3))
+            self._joint(
+                f"{n}_{joint}", holder, name, at, axis, limits, turn=turn
+            )
             holder = name
             if link == "foot":
                 file = f"package://biped_description/meshes/{n}_foot.stl"
@@ -164,11 +180,22 @@ class Biped:
                 SubElement(shape, "origin", xyz=at)
         return link
 
-    def _joint(self, name, holder, child, at, axis=None, limits=None, kind=""):
+    def _joint(
+        self,
+        name,
+        holder,
+        child,
+        at,
+        axis=None,
+        limits=None,
+        kind="",
+        turn=(0.0, 0.0, 0.0),
+    ):
         held, hanging = self._frame(holder), self._frame(child)
+        drawn = Rotation.from_rotvec(turn)  # at angle 0
         kind = kind or ("fixed" if axis is None else "revolute")
         joint = SubElement(self._top, "joint", name=name, type=kind)
-        rpy = _text((held.inv() * hanging).as_euler("xyz"))
+        rpy = _text((held.inv() * drawn * hanging).as_euler("xyz"))
         SubElement(joint, "origin", xyz=_text(held.inv().apply(at)), rpy=rpy)
         SubElement(joint, "parent", link=holder)
         SubElement(joint, "child", link=child)

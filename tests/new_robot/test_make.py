@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from nadia_balance.core.body.reachability import ReachabilityParams
 from nadia_balance.core.walking.state import Side
@@ -16,6 +17,7 @@ from tests.new_robot.biped import Biped, make_once
 
 # Rows: forward, left, up.
 LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+TURNED = Rotation.from_rotvec([0.0, 0.0, 0.35]).as_matrix()
 KNEES = ("l_knee", "r_knee")
 BIPEDS = {
     "turned frames": Biped(seed=1),
@@ -29,6 +31,14 @@ BIPEDS = {
         knee_range=(-0.05, 2.1), drawn_bend=1.05, knee_sign=-1.0, seed=5
     ),
     "hip pitch axes at 45 degrees": Biped(hip_slant=0.25 * np.pi, seed=6),
+    "drawn with legs apart": Biped(drawn_apart=0.25, seed=7),
+    "drawn with toes out": Biped(toes_out=0.3, seed=8),
+    "a base turned by 20 degrees, a root on the ground": Biped(
+        base_axes=TURNED, footprint=True, seed=9
+    ),
+    "knees of either way, feet whose mass is behind": Biped(
+        knee_range=(-1.5, 1.5), foot_ahead=-0.01, seed=10
+    ),
 }
 
 
@@ -61,7 +71,8 @@ def inscribed(biped: Biped) -> tuple[float, float]:
 def test_finds_what_it_was_made_of(biped, made):
     """Oracle: the figures it was made of; the rectangle in closed form."""
     written, robot = made
-    assert robot.pelvis_body == "pelvis"
+    pelvis = "base_footprint" if biped.footprint else "pelvis"
+    assert robot.pelvis_body == pelvis
     assert robot.torso_body == "chest"
     assert robot.foot_bodies == {Side.LEFT: "l_foot", Side.RIGHT: "r_foot"}
     heel, half_width = inscribed(biped)
@@ -171,6 +182,7 @@ BALLS = r'<mesh filename="[^"]*/l_foot.stl"', '<sphere radius="0.05"'
         ("", *rod("chest", "pelvis"), "none; links in closed loops: pelvis"),
         ("", '<joint name="waist".*?</joint>', "", "floating bases: must be"),
         ("", "l_thigh", "l::thigh", "link 'l::thigh': must be a uniq"),
+        ("waist", 'rpy="', 'rpy="180 ', "joint waist: origin: rpy = "),
     ],
 )
 def test_a_faulty_biped_is_refused_in_a_line(tmp_path, name, old, new, message):
@@ -184,7 +196,26 @@ def test_a_faulty_biped_is_refused_in_a_line(tmp_path, name, old, new, message):
 
 ASIDE = RIGHT_FOOT, r'<origin xyz="0 0 0" rpy="0 0 1.5708"/><geometry>\1'
 SHIN = 'name="l_shin">.*?'
+DEGREES = r'(name="l_swing".*?lower=")-1.5', r"\1-120"
 SWAP = [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')]
+
+
+def test_a_torso_is_of_no_leg(tmp_path):
+    with pytest.raises(ValueError, match="^torso = 'l_shin': must not be of"):
+        faulty(tmp_path, named={"torso": "l_shin"})
+
+
+def test_sides_are_told_by_names_if_by_nothing_else(tmp_path):
+    """Oracle: the feet's names; without sides in them it is refused."""
+    biped = Biped(knee_range=(-1.5, 1.5), heel=-0.12, toe=0.12)
+    file = biped.write(tmp_path)
+    make_once(file, tmp_path / "made")
+    robot = load_robot(str(tmp_path / "made" / "robot.yaml"))
+    assert robot.foot_bodies == {Side.LEFT: "l_foot", Side.RIGHT: "r_foot"}
+    text = file.read_text().replace('"l_', '"a_').replace('"r_', '"b_')
+    file.write_text(text)
+    with pytest.raises(ValueError, match="^feet a_foot and b_foot: knees, so"):
+        make_robot(file, tmp_path / "again")
 
 
 @pytest.mark.parametrize(
@@ -197,6 +228,7 @@ SWAP = [('"l_', '"L_'), ('"r_', '"l_'), ('"L_', '"r_')]
         (SWAP, "left and right swapped? On the other side, seen forward: "),
         ([('"l_foot"', '"left_foot_cleat_front_right"')], ""),
         ([('"l_foot"', '"right_foot"')], "left and right swapped? On the othe"),
+        ([DEGREES], "range beyond +-2 pi: degrees?: l_swing"),
     ],
 )
 def test_doubts_on_one_line_what_is_hardly_meant(tmp_path, faults, message):

@@ -179,6 +179,11 @@ ACTION = "actions.JointPositionAction"
         ),
         ("actions", {}, f"{ACTION} = None: must be a mapping"),
         (f"{ACTION}.joint_ids", [0], f"{ACTION}.joint_ids: must be null, or"),
+        (
+            f"{ACTION}.offsets",
+            [0.0] * 29,
+            f"{ACTION}.offsets: unknown field, m",
+        ),
         ("step_dt", 0.0, "period = 0.0: must be"),
         ("step_dt", "soon", "step_dt = 'soon': must be a number"),
         ("step_dt", None, "step_dt = None: must be a number"),

@@ -72,6 +72,7 @@ def test_a_csv_tells_what_an_npz_does(log, tmp_path, capsys):
     ("name", "spoil", "message"),
     [
         ("imu", lambda a: a[:, :5], r"log = .*imu must be [(]\d+, 9[)]"),
+        ("imu", lambda a: a[:, :7], r"log = .*imu must be [(]\d+, 9[)]"),
         ("imu", lambda a: -a, r"log = .*force_x, .* must be 9.81 m/s\^2"),
         ("imu", lambda a: a / 9.81, r"log = .*must be 9.81 m/s\^2 together"),
         ("joints", np.degrees, "log = .*must be angles in rad"),

@@ -122,7 +122,9 @@ REFUSED = [
     (["robot", "speed"], 1.0, "robot.speed = 1.0: must be 2."),
     (["worst", "0"], 2.0, "worst: must be of the limits"),
     (["trials"], "", "trials = '': must be the sha256 of trials.csv"),
-    (["who"], None, "must have every field of docs/row.schema.json"),
+    (["who"], None, "row.who: must be there, as in docs/row.schema.json"),
+    (["limits", 2, "at"], None, "row.limits[2].at: must be there, as in docs"),
+    (["robot", "speed"], "2", "row.robot.speed: must be there, as in docs"),
     (["who"], " ", "who = ' ': must be who has measured it"),
     (["limits", 0, "direction_deg"], 45.0, "limits: must have each of the 8"),
 ]
@@ -147,23 +149,35 @@ def test_another_row_is_refused(folder, tmp_path, path, value, message):
     assert line.startswith(f"row = {tmp_path / 'row.json'}: {message}")
 
 
+def none_fell(lines):
+    """Without the pushes that were too large."""
+    return [line for line in lines if ",fell," not in line]
+
+
 @pytest.mark.parametrize(
-    ("keep", "message"),
+    ("keep", "complete", "message"),
     [
-        (lambda lines: [*lines, lines[-1]], "trials of "),  # one of them twice
+        (lambda lines: [*lines, lines[-1]], True, "trials of "),  # one twice
+        (none_fell, True, "complete of .* = True: must be False"),
+        (none_fell, False, "complete of .* = False: the search must end"),
         (
-            lambda lines: [line for line in lines if ",fell," not in line],
-            "complete of ",
+            lambda lines: [*lines[:2], lines[2].replace(",0.", ",x", 1)],
+            True,
+            "trials.csv, line 3: ",
         ),
     ],
 )
-def test_a_row_has_all_of_its_trials_once(folder, tmp_path, keep, message):
+def test_a_row_has_all_of_its_trials_once(
+    folder, tmp_path, keep, complete, message
+):
     """Oracle: the rule; the file's sum is of the changed file."""
     lines = (folder / "trials.csv").read_text("utf-8").splitlines(keepends=True)
     text = "".join(keep(lines))
     (tmp_path / "trials.csv").write_text(text, encoding="utf-8")
     tree = json.loads((folder / "row.json").read_text("utf-8"))
     tree["trials"] = hashlib.sha256(text.encode()).hexdigest()
+    for one in tree["limits"]:
+        one["complete"] = complete
     (tmp_path / "row.json").write_text(json.dumps(tree))
     with pytest.raises(ValueError, match=f": {message}"):
         read_row(tmp_path)
