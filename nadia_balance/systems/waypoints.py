@@ -14,7 +14,7 @@ from nadia_balance.core.plan.waypoints import (
     velocity_to,
 )
 from nadia_balance.core.walking.state import Phase
-from nadia_balance.parameters.bounds import check, require
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import (
     TICK_TOLERANCE,
@@ -36,7 +36,6 @@ class WaypointFollower(Block):
         robot: the robot that walks.
         limits: least and most velocity (2, 3) [m/s], [m/s], [rad/s] (see
             velocity_limits).
-        params: time and tolerances.
 
     Raises:
         ValueError: no waypoint, times that fall, or a number that is not
@@ -50,15 +49,10 @@ class WaypointFollower(Block):
     """
 
     def __init__(
-        self,
-        waypoints: Sequence[Waypoint],
-        robot: RobotModel,
-        limits: Array,
-        params: WaypointParams | None = None,
+        self, waypoints: Sequence[Waypoint], robot: RobotModel, limits: Array
     ) -> None:
         super().__init__()
-        self._params = params or WaypointParams()
-        check(self._params)
+        self._params = WaypointParams()
         self._waypoints = list(waypoints)
         self._times = [one.time - TICK_TOLERANCE for one in waypoints]
         require(

@@ -192,12 +192,8 @@ class SwingFoot:
         turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
         end = np.zeros((3, 4))
         end[0] = *goal.p_WF, start[0, YAW] + turn
-        slow = (
-            self.params.recovery_touchdown_velocity
-            if state.mode is Mode.RECOVERING
-            else self.params.touchdown_velocity
-        )
-        end[1, Z] = -slow
+        landing_speed = self._landing_speed(state)
+        end[1, Z] = -landing_speed
         height = float(start[0, 2] - end[0, 2])
         left = state.remaining_time + (_SOON if state.waiting else self.period)
         # The horizontal motion ends before the vertical one.
@@ -215,15 +211,15 @@ class SwingFoot:
             left,
             over if arrived else over + settling,
             height / detour.max_descent,
-            self._time_to_descend(height, descent, slow),
+            self._time_to_descend(height, descent, landing_speed),
         )
-        braking = self._time_to_brake(height, descent, slow)
+        braking = self._time_to_brake(height, descent, landing_speed)
         left = braking or left
         # With constant deceleration, but for the tick that lands.
         if braking > self.period + self.lead:
             end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
         landing = end[:, Z].copy()
-        if not _sinks(height, descent, slow, left):
+        if not _sinks(height, descent, landing_speed, left):
             end[:, Z] = self._lifted(start, landing, left, state, edges)
         if edges and edges.are_in_the_way(start[0, :3]):
             end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
@@ -240,38 +236,52 @@ class SwingFoot:
         low = arrived and (edges is None or height < radius)
         if state.waiting and low and not braking:  # sink until contact
             left = _SINKING
-            end[:, 2] = start[0, 2] - 0.5 * (descent + slow) * left, -slow, 0.0
+            end[:, 2] = (
+                start[0, 2] - 0.5 * (descent + landing_speed) * left,
+                -landing_speed,
+                0.0,
+            )
         return end, np.array([over, over, left, over])
 
+    def _landing_speed(self, state: WalkingState) -> float:
+        """Returns the speed [m/s] at which the foot comes down."""
+        if state.mode is Mode.RECOVERING:
+            return self.params.recovery_touchdown_velocity
+        return self.params.touchdown_velocity
+
     def _time_to_descend(
-        self, height: float, descent: float, slow: float
+        self, height: float, descent: float, landing_speed: float
     ) -> float:
         """Returns the least time [s] to touchdown from a `height` [m].
 
         The foot, which descends at `descent` [m/s], accelerates and brakes to
-        the velocity `slow` [m/s], with `_GENTLE` of the largest deceleration:
-        the quintic has a higher peak.  0 for a foot that rises.
+        `landing_speed` [m/s], with `_GENTLE` of the largest deceleration: the
+        quintic has a higher peak.  0 for a foot that rises.
         """
         if height <= 0.0 or descent <= 0.0:
             return 0.0
         a = _GENTLE * self.model.detour.max_braking
-        fastest = math.sqrt(a * height + 0.5 * (descent**2 + slow**2))
-        if fastest <= max(descent, slow):
-            return 2.0 * height / (descent + slow)
-        return (2.0 * fastest - descent - slow) / a
+        fastest = math.sqrt(a * height + 0.5 * (descent**2 + landing_speed**2))
+        if fastest <= max(descent, landing_speed):
+            return 2.0 * height / (descent + landing_speed)
+        return (2.0 * fastest - descent - landing_speed) / a
 
     def _time_to_brake(
-        self, height: float, descent: float, slow: float
+        self, height: float, descent: float, landing_speed: float
     ) -> float:
         """Returns the time [s] to touchdown of a foot that has to brake now.
 
         The foot descends at `descent` [m/s] from a `height` [m] with a constant
-        deceleration to the velocity `slow` [m/s].  0 if it need not brake yet.
+        deceleration to `landing_speed` [m/s].  0 if it need not brake yet.
         """
         room = 2.0 * self.model.detour.max_braking * height
-        if height <= 0.0 or descent <= slow or descent**2 - slow**2 < room:
+        if (
+            height <= 0.0
+            or descent <= landing_speed
+            or descent**2 - landing_speed**2 < room
+        ):
             return 0.0
-        return 2.0 * height / (descent + slow)
+        return 2.0 * height / (descent + landing_speed)
 
     def _over_ground(
         self, start: Array, schedule: ContactSchedule, left: float
@@ -328,13 +338,18 @@ class SwingFoot:
         return _past(start[:, Z], landing, left=left, via=via)[0]
 
 
-def _sinks(height: float, descent: float, slow: float, left: float) -> bool:
-    """True for a foot that descends to land in the time `left` [s].
+def _sinks(
+    height: float, descent: float, landing_speed: float, left: float
+) -> bool:
+    """True for a foot that is not down long before the time `left` [s].
 
-    One that would be down long before is lifted: from its `height` [m], between
-    its velocity now and that at the touchdown [m/s].
+    From its `height` [m], at the mean of its `descent` and of the speed at
+    which it lands [m/s].
     """
-    return descent > 0.0 and 0.5 * (descent + slow) * left < _TO_SPARE * height
+    return (
+        descent > 0.0
+        and 0.5 * (descent + landing_speed) * left < _TO_SPARE * height
+    )
 
 
 def _past(
