@@ -16,7 +16,7 @@ from nadia_balance.palette import COP, FLOOR, ICP, ICP_REFERENCE, rgba
 from nadia_balance.parameters.bounds import require
 from nadia_balance.parameters.yaml_reader import load_tree
 from nadia_balance.results.folder import appearing, new_folder
-from nadia_balance.results.log import _VIEWS, Log
+from nadia_balance.results.log import VIEWS, Log
 from nadia_balance.results.npz import read_npz
 from nadia_balance.results.versions import other_version
 from nadia_balance.robot.model import RobotModel, load_robot
@@ -95,7 +95,7 @@ def _columns(log: Log, robot: RobotModel) -> dict[str, list[str]]:
     states = robot.control_plant().GetStateNames(False)
     joints = log.get("actuator_names", ())
     names: dict[str, Any] = {
-        **{name: view.get_fields() for name, view in _VIEWS.items()},
+        **{name: view.get_fields() for name, view in VIEWS.items()},
         "icp": "xy",
         "momentum_rate": "xyz",
         "state": states,

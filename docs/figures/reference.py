@@ -31,7 +31,7 @@ from nadia_balance.diagrams.scenario import (
 )
 from nadia_balance.parameters.bounds import UNBOUNDED, meaning
 from nadia_balance.policy.params import ObservationTerm, PolicyParams
-from nadia_balance.results.log import _VIEWS
+from nadia_balance.results.log import VIEWS
 from nadia_balance.robot.params import RobotParams
 from nadia_balance.scripts.command_line import DONE, CommandLine, say
 from nadia_balance.sweep.row import Row
@@ -318,7 +318,7 @@ def logged() -> Iterator[tuple[str, str, str]]:
     """
     for name, (shape, words) in ARRAYS.items():
         yield f"`{name}`", shape, words
-    for name, view in _VIEWS.items():
+    for name, view in VIEWS.items():
         columns = ", ".join(view.get_fields())
         words, _, _ = (inspect.getdoc(view) or "").partition("\n\n")
         if view.__module__ == "builtins" or "namedview" in words.lower():

@@ -288,6 +288,8 @@ def _check(value: object, name: str, bounds: Bounds, kind: Any) -> None:
         if value is not None:
             _check(value, name, bounds, not_none(args))
         return
+    if hasattr(value, "tolist"):  # an array or number of NumPy's
+        value = value.tolist()
     _check_kind(value, name, kind)
     if dataclasses.is_dataclass(value):
         check(value, name)

@@ -59,7 +59,7 @@ QP_STATUS = ("momentum_qp_status", "whole_body_qp_status")
 # Rows from the tick in which a push begins to its first row in the signal.
 _FELT = 1
 
-_VIEWS = {
+VIEWS = {
     "com_state": ComState,
     "ecmp_command": EcmpCommand,
     "foot_forces": FootForces,
@@ -85,7 +85,7 @@ def signal_view(
 
     Args:
         log: log of a run.
-        name: name of a signal, one of _VIEWS.
+        name: name of a signal, one of VIEWS.
         rows: rows of the log, by default all.
 
     Returns:
@@ -95,7 +95,7 @@ def signal_view(
     Raises:
         ValueError: the log is of another version of this package.
     """
-    view, columns = _VIEWS[name], log[name].shape[-1]
+    view, columns = VIEWS[name], log[name].shape[-1]
     size = len(view.get_fields())
     require(columns == size, f"{name} = {columns} columns: must be {size}")
     return view(log[name][rows].T)

@@ -8,6 +8,7 @@ import pydoc
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from nadia_balance import core
@@ -69,6 +70,14 @@ class Whole:
         # Beyond what is sane, where there is no bound.
         ("least", 11.0, "in [0, 10] m"),
         ("plain", 2e6, "in [-1e+06, 1e+06]"),
+        # Of another type.
+        ("plain", None, "a number"),
+        ("plain", True, "a number"),
+        ("between", 3.5, "an integer"),
+        ("between", np.float64(3.5), "an integer"),
+        ("switch", 1, "true or false"),
+        ("word", 3, "text (quote it)"),
+        ("maybe", (), "a number"),
     ],
 )
 def test_tells_field_value_and_what_is_allowed(name, value, rule):
@@ -79,8 +88,9 @@ def test_tells_field_value_and_what_is_allowed(name, value, rule):
 
 
 def test_accepts_what_is_allowed():
-    """Oracle: no error at the bounds, nor for None or a switch."""
-    part = Part(least=0.0, most=2.0, within=0.0, between=10, word="right")
+    """Oracle: no error at the bounds, nor for None, or numbers of NumPy's."""
+    part = Part(least=0.0, most=2.0, within=0, between=10, word="right")
+    check(Part(least=np.float32(0.5), between=np.int64(3)))
     check(Whole(part=part, parts=[Part(maybe=1.0, between=3, switch=False)]))
 
 
@@ -94,6 +104,9 @@ def test_accepts_what_is_allowed():
         ),
         (Whole(angles={"KNEE": INF}), "angles.KNEE = inf: must be finite"),
         (Whole(low=2.0), "low = 2.0: must be < high = 1.0"),
+        (Whole(part=3), "part = 3: must be a Part"),
+        (Whole(parts=3), "parts = 3: must be a list"),
+        (Whole(angles={"KNEE": "1"}), "angles.KNEE = '1': must be a number"),
     ],
 )
 def test_tells_the_way_to_the_field(whole, message):
