@@ -223,6 +223,7 @@ class ClosedLoop(Diagram):
         if controller.HasInputPort(COMMAND) and COMMAND not in sources:
             sources[COMMAND] = self._commands(builder)
         for name, source in sources.items():
+            check_type(f"sources[{name!r}]", source, System)
             named = f"sources[{name!r}] = {type(source).__name__}"
             require(
                 name not in WIRED and controller.HasInputPort(name),

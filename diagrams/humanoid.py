@@ -33,7 +33,7 @@ from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.diagrams.terrain import check_start, foot_beside
 from nadia_balance.diagrams.touchdowns import TouchdownRecord
 from nadia_balance.engines.plants import add_mujoco_plant
-from nadia_balance.parameters.bounds import require
+from nadia_balance.parameters.bounds import check_type, require
 from nadia_balance.results.estimation import ESTIMATE, nees
 from nadia_balance.results.summary import SPEED_MARGIN
 from nadia_balance.robot.fall import fall_of, upright
@@ -197,6 +197,7 @@ class HumanoidDiagram(ClosedLoop):
         self, controller: System, blocks: Mapping[str, Any]
     ) -> None:
         """Raises ValueError if the `controller` does not fit the plant."""
+        check_type("controller", controller, System)
         named = f"controller = {type(controller).__name__}"
         require(
             not blocks,

@@ -238,6 +238,7 @@ class CapturePointController(Diagram):
         **blocks: System | None,
     ) -> None:
         super().__init__()
+        check_type("params", params, ControllerParams)
         check(params)
         check_type("model", model, PointMassModel)
         if start is not None:
@@ -405,8 +406,13 @@ class BalanceController(Diagram):
         **blocks: System | None,
     ) -> None:
         super().__init__()
+        check_type("params", params, ControllerParams)
         check(params)
         check_type("robot", robot, RobotModel)
+        if sensors is not None:
+            check_type("sensors", sensors, SensorParams)
+        if ground is not None:
+            check_type("ground", ground, Ground)
         check_number("delay", delay, least=0.0, most=1.0, unit="s")
         tasks = tuple(tasks)
         require(

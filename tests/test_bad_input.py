@@ -65,6 +65,13 @@ CALLS = {
     "nb.ContactClock(300.0, -0.004)": "period = -0.004: must be > 0 s",
     "nb.FootForceEstimator(ROBOT, None, 0.0)": "period = 0.0: must be > 0",
     "nb.FrictionEstimator(PARAMS.whole_body, ROBOT.point_mass, NAN)": "period",
+    "nb.BalanceController(None, ROBOT)": "params = None: must be a Controll",
+    "nb.BalanceController(PARAMS, ROBOT, ground=3)": "ground = 3: must be a",
+    "nb.BalanceController(PARAMS, ROBOT, sensors='x')": "sensors = 'x': must",
+    "nb.HumanoidDiagram(LOAD('stand'), controller=3)": "controller = 3: must",
+    "nb.HumanoidDiagram(LOAD('stand'), sources={'velocity_command': 3})": (
+        "sources['velocity_command'] = 3: must be a System"
+    ),
     "nb.envelope('x', workers=1.5)": "workers = 1.5: must be in [1, ",
     "nb.envelope('x', contract=3)": "contract = 3: must be a list",
 }

@@ -25,9 +25,11 @@ from nadia_balance.core.estimation.invariant_ekf import (
 from nadia_balance.core.estimation.sensors import SAMPLE, SensorParams
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
+from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel
 from nadia_balance.systems.ports import (
     Block,
+    check_period,
     declare_outcome,
     declare_scratch,
     input_port,
@@ -278,7 +280,8 @@ class StateEstimator(Block):
         kind: name of the filter, one of FILTERS.
 
     Raises:
-        ValueError: the robot lacks the body that carries the IMU.
+        ValueError: the robot lacks the body that carries the IMU, or there is
+            no such filter.
 
     .. pydrake_system::
 
@@ -297,6 +300,11 @@ class StateEstimator(Block):
         kind: str = "invariant",
     ) -> None:
         super().__init__()
+        check_period(period)
+        require(
+            kind in FILTERS,
+            f"kind = {kind!r}: must be one of {', '.join(FILTERS)}",
+        )
         self._plant: Any = robot.control_plant()
         self._filter = FILTERS[kind](sensors, period)
         self._height, self._weight = height, robot.mass * GRAVITY
