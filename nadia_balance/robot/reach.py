@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydrake.math import RotationMatrix
@@ -17,7 +18,7 @@ from nadia_balance.core.body.reachability import (
 )
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.plan.gait import Gait
-from nadia_balance.core.walking.state import FootPose
+from nadia_balance.core.walking.state import FootPose, Side
 from nadia_balance.parameters.scaling import scaled
 from nadia_balance.robot.leg_strength import StandingKinematics, StandingLegs
 from nadia_balance.robot.model import RobotModel
@@ -29,6 +30,7 @@ from nadia_balance.robot.plants import (
 )
 
 _TILT = math.radians(35.0)  # largest tilt of the pelvis in a recovery [rad]
+_LOWERED = 0.9  # CoM height above one sole, of that above both [-]
 _LEVEL = 0.01  # tolerance of the planned CoM height [m]
 _BESIDE = 0.05  # the CoM is in the feet's bounding box, grown by this [m]
 _LESS = 0.95  # factor on the lengths in each iteration
@@ -142,7 +144,7 @@ def _around(polygon: Array) -> Array:
 def too_weak(robot: RobotModel) -> list[str]:
     """Warnings of the joints by which one leg cannot carry the robot.
 
-    It stands in its posture, its whole weight at the centre of a sole.
+    Its CoM is above the centre of a sole, which has its whole weight.
 
     Args:
         robot: the robot.
@@ -150,10 +152,10 @@ def too_weak(robot: RobotModel) -> list[str]:
     Returns:
         The warnings, one line each.
     """
-    legs = StandingLegs(robot, robot.standing_positions())
-    limits = effort_limits(legs.plant)
     warnings = []
     for side, foot in robot.foot_bodies.items():
+        legs = StandingLegs(robot, _over_sole(robot, side))
+        limits = effort_limits(legs.plant)
         needed = np.abs(legs.standing_torques({side: 1.0}))
         for joint in joints_above(legs.plant, foot):
             i = joint.velocity_start()
@@ -163,6 +165,26 @@ def too_weak(robot: RobotModel) -> list[str]:
                     f"N m: to carry it, one leg needs {needed[i]:.0f} N m"
                 )
     return warnings
+
+
+def _over_sole(robot: RobotModel, side: Side) -> Array:
+    """Positions (nq,) with level soles, and the CoM above one of them.
+
+    Those of standing between both, if there are none.
+    """
+    q, half = robot.standing_positions(), 0.5 * robot.params.step_width
+    above = [0.0, side.sign * half]
+    ik = StandingKinematics(
+        robot,
+        places=np.array([[0.0, half], [0.0, -half]]),
+        com=([*above, _LOWERED * robot.com_height], [*above, robot.com_height]),
+    )
+    pelvis: Any = q[:4]
+    ik.prog().AddBoundingBoxConstraint(pelvis, pelvis, ik.q()[:4])
+    aside = q.copy()
+    aside[5] += above[1]
+    positions = ik.nearest(aside, [*above, robot.com_height], weight=0.01)
+    return q if positions is None else positions
 
 
 def margins(robot: RobotModel, torques: Array, speeds: Array) -> list[str]:

@@ -32,18 +32,25 @@ def test_feet_that_are_at_the_reach_in_a_swing_are_fast_enough(name):
     assert line.startswith("warning: short: speed of the leg joints")
 
 
-def test_a_knee_that_carries_half_of_it_only_is_warned_of():
-    """Oracle: one leg needs twice the 10 N m of two, but for the shin's own.
+def test_joints_that_carry_it_on_two_legs_only_are_warned_of():
+    """Oracle: statics by hand, of a G1 whose CoM is above one sole.
 
-    That weighs 2.5 kg, its centre 0.12 m from the knee.
+    Its knee needs twice the 10 N m of two legs, but for the shin's own.  That
+    weighs 2.5 kg, its centre 0.12 m from the knee.  As the pelvis goes aside
+    with the CoM, the hip is half a step width, 0.237 m, beside the force that
+    carries all.
     """
     robot = load_robot("g1")
     assert too_weak(robot) == []
     params, _ = load_robot_params("g1")
     params.drives.motors["N7520-22.5"].max_torque = 13.0
-    warnings = too_weak(RobotModel(params, robot.urdf))
-    for side, line in zip(("left", "right"), warnings, strict=True):
-        name = line.split(": ")[1].removesuffix(" N m")
-        assert name == f"effort limit of {side}_knee_joint, 13"
-    (needed,) = {float(line.split()[-3]) for line in warnings}
-    assert needed == pytest.approx(20.0, abs=3.0)
+    weak = RobotModel(params, robot.urdf)
+    needed = {
+        line.split()[4]: float(line.split()[-3]) for line in too_weak(weak)
+    }
+    for side in "left", "right":
+        knee = needed.pop(f"{side}_knee_joint,")
+        assert knee == pytest.approx(20.0, abs=3.0)
+        roll = needed.pop(f"{side}_hip_roll_joint,")
+        assert roll == pytest.approx(0.5 * 33.3 * 9.81 * 0.237, rel=0.15)
+    assert not needed
