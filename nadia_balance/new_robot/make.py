@@ -252,9 +252,8 @@ def _doubt(robot: Description, anatomy: Anatomy, notes: Notes) -> None:
         _doubt_pair([robot.joints[name] for name in names], robot, notes)
     for side, leg in anatomy.legs.items():
         for name in (leg.foot, *leg.joints):
-            if side_signs([name]) == {
-                -side.sign
-            }:  # both: left_foot_front_right
+            # Both are in the names of some: left_foot_front_right.
+            if side_signs([name]) == {-side.sign}:
                 notes.add(
                     "warning",
                     "left and right swapped? On the other side, seen forward",

@@ -191,7 +191,7 @@ def _level_frames(robot: Description, anatomy: Anatomy) -> dict[str, SolePlane]:
     ups |= {foot: R_RL[foot] @ -sole.down for foot, sole in soles.items()}
     ahead = dict.fromkeys(ups, forward)
     for leg in anatomy.legs.values():
-        (_, _, ankle) = robot.hinges(leg.pitches, robot.poses())[1]
+        _, (ankle,) = robot.hinges(leg.pitches[2:], robot.poses())
         if abs(ankle @ lateral) < SQUARE:
             ahead[leg.foot] = np.cross(
                 np.sign(ankle @ lateral) * ankle, ups[leg.foot]

@@ -276,10 +276,10 @@ def not_none(kinds: tuple[Any, ...]) -> Any:
         kinds: X and None, in any order.
 
     Returns:
-        X.
+        X; Any of a union of more.
     """
-    (kind,) = (kind for kind in kinds if kind is not types.NoneType)
-    return kind
+    others = [kind for kind in kinds if kind is not types.NoneType]
+    return others[0] if len(others) == 1 else Any
 
 
 def _check(value: object, name: str, bounds: Bounds, kind: Any) -> None:
@@ -298,7 +298,8 @@ def _check(value: object, name: str, bounds: Bounds, kind: Any) -> None:
             _check(item, f"{name}[{i}]", bounds, args[0] if args else Any)
     elif isinstance(value, dict):
         for key, item in value.items():
-            _check(item, _join(name, str(key)), bounds, args[1])
+            path = _join(name, str(key))
+            _check(item, path, bounds, args[1] if args else Any)
     elif isinstance(value, str):
         require(
             not bounds.one_of or value in bounds.one_of,
