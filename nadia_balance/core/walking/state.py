@@ -40,7 +40,7 @@ class Side(enum.Enum):
 
     @property
     def index(self) -> int:
-        """Place of this side in an array of both: left is 0."""
+        """Its number in an array of both sides; left is 0."""
         return 0 if self is Side.LEFT else 1
 
     @classmethod
