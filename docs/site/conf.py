@@ -58,6 +58,7 @@ add_module_names = False
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
+autodoc_use_type_comments = False  # there are none
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 
