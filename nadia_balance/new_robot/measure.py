@@ -41,7 +41,7 @@ _SAME_LENGTH = 0.01  # tolerated relative difference of the legs' lengths [-]
 _NEVER_STRAIGHT = 0.1  # smallest bend of a knee [rad]
 _LARGEST_LEAN = 1.0  # largest outward angle of a leg [rad]
 _ASLANT = 0.035  # tilt across from which a leg or sole is drawn aslant [rad]
-_LEAST_SHARE = 0.6  # of a sole, that its rectangle should have [-]
+_LEAST_SHARE = 0.5  # of a sole, that its rectangle should have [-]
 _FAR_BELOW = 0.3  # of the hips, where no pelvis is, in leg lengths [-]
 
 Fields = dict[str, Any]  # of robot.yaml [m, rad]
