@@ -33,7 +33,7 @@ from nadia_balance.robot.leg_strength import (
     StandingKinematics,
     StandingLegs,
 )
-from nadia_balance.robot.params import MODELS, RobotParams, idealised
+from nadia_balance.robot.params import MODELS, REQUIRED, RobotParams, idealised
 from nadia_balance.robot.plants import (
     actuators,
     add_ground,
@@ -503,6 +503,8 @@ def _read_params(name: str, path: Path) -> tuple[RobotParams, Path]:
     given = load_tree(path.read_text(encoding="utf-8"))
     urdf = path.parent / params.urdf
     with naming(source):
+        for field in REQUIRED:
+            require(field in given, f"{field}: must be given")
         params.validate_more()
     if not urdf.is_file():
         raise FileNotFoundError(f"urdf = {urdf}: no such file")

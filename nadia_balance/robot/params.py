@@ -46,6 +46,18 @@ class SoleParams:
         )
 
 
+# Fields of a robot.yaml that nothing can take the place of.
+REQUIRED = (
+    "name",
+    "urdf",
+    "pelvis_body",
+    "torso_body",
+    "left_foot_body",
+    "right_foot_body",
+    "step_width",
+)
+
+
 @parameters
 class RobotParams:
     """Parameters that a URDF lacks; bodies and joints have their URDF names."""

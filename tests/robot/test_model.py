@@ -181,6 +181,8 @@ def of_urdf(old, new, named):
         of_yaml("name: nadia", "name: a\ncom_height: 2.0", "com_height = 2.0"),
         of_yaml("name: nadia", "name: a\nsole: {x_max: -0.1}", "sole.x_max"),
         of_yaml("TORSO_LINK", "TRUNK", "torso_body"),
+        of_yaml("step_width: 0.25 ", "", "step_width: must be given"),
+        of_yaml("torso_body: TORSO_LINK", "", "torso_body: must be given"),
         of_yaml("pelvis_body: PELVIS", "pelvis_body: TORSO", "pelvis_body"),
         of_yaml("foot_body: RIGHT", "foot_body: LEFT", "left_foot_body"),
         of_yaml("{LEFT_KNEE_Y: 0.1", "{KNEE: 0.1", "joint_lower_limits.KNEE"),
