@@ -34,7 +34,6 @@ from nadia_balance.core.walking.state import FootPose, FootPoses
 from nadia_balance.diagrams.region_log import add_region_log, region_rows
 from nadia_balance.diagrams.scenario import Scenario
 from nadia_balance.parameters.bounds import check, check_type, require
-from nadia_balance.parameters.yaml_reader import check_types, field_types
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.systems.plan import VelocityCommands
 from nadia_balance.systems.push_source import PushSource
@@ -108,8 +107,6 @@ class ClosedLoop(Diagram):
         """
         super().__init__()
         check_type("scenario", scenario, Scenario)
-        names = field_types(Scenario)
-        check_types(Scenario, {name: getattr(scenario, name) for name in names})
         check(scenario)
         for name in "random_delta_v", "random_commands":
             value = getattr(scenario, name)

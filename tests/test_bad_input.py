@@ -49,14 +49,14 @@ CALLS = {
     "nb.Push(directoin_deg=3)": "",
     "nb.VelocityCommands([(0, 1, 2)])": "rows[0] = (0.0, 1.0, 2.0): must",
     "nb.Imperfections(dely=1)": "",
-    # Of another type, which no YAML could hold.
+    # Fields of another type, which no YAML could hold.
     "LOAD('stand', commands=[nb.Command(forward='3')])": "commands[0].forward",
     "LOAD('stand', commands=[nb.Command(left=None)])": "commands[0].left = N",
     "LOAD('stand', pushes=[nb.Push(delta_v='1')])": "pushes[0].delta_v = '1'",
     "LOAD('stand', gait=nb.Gait(num_steps=2.5))": "gait.num_steps = 2.5: must",
     "LOAD('stand', gait=nb.Gait(step=3))": "gait.step = 3: must be a StepVec",
     "LOAD('stand').changed(duration='1')": "duration = '1': must be a number",
-    # Derived from others, or drawn, as it is loaded.
+    # Fields that loading derives, or draws.
     "LOAD('push').changed(robot='g1')": "robot = 'g1': must be given to load_",
     "LOAD('push').changed(random_commands=0.5)": "random_commands = 0.5: must",
     "nb.HumanoidDiagram(nb.Scenario(random_delta_v=0.5))": "random_delta_v = ",

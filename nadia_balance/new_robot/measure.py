@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -238,13 +239,7 @@ def _hanging(
         above = [leg.joints[i] for i in rolls if i < knee]
         below = [leg.joints[i] for i in rolls if i > knee]
         names = above[:1] + below[:1]
-
-        def tilts(values: Array, leg: Leg = leg, names: Any = names) -> Array:
-            poses = robot.poses(dict(zip(names, values, strict=True)))
-            _, (axis,) = robot.hinges([leg.knee], poses)
-            sole = poses[leg.foot].rotation().matrix()[2, 1]
-            return np.array([axis[2], sole])
-
+        tilts = partial(_tilts_across, robot, leg, names)
         if np.abs(tilts(np.zeros(len(names)))).max() < _ASLANT:
             continue
         ends = [
@@ -265,6 +260,15 @@ def _hanging(
         )
         angles |= turned
     return angles
+
+
+def _tilts_across(
+    robot: Description, leg: Leg, names: Sequence[str], values: Array
+) -> Array:
+    """Tilts (2,) [-] of a knee's axis and a sole, with joints at `values`."""
+    poses = robot.poses(dict(zip(names, values, strict=True)))
+    _, (axis,) = robot.hinges([leg.knee], poses)
+    return np.array([axis[2], poses[leg.foot].rotation().matrix()[2, 1]])
 
 
 def _doubt_soles(

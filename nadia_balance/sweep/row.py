@@ -402,13 +402,13 @@ def _difference(value: object, tree: object, path: str = "row") -> str:
     """Path of the first value that the tree lacks, or has otherwise."""
     if isinstance(value, dict) and isinstance(tree, dict):
         parts = (
-            (f"{path}.{key}", x, tree.get(key)) for key, x in value.items()
+            (f"{path}.{key}", x, tree.get(key, ...)) for key, x in value.items()
         )
     elif isinstance(value, list) and isinstance(tree, list):
         pairs = zip(value, tree, strict=True)
         parts = ((f"{path}[{i}]", *pair) for i, pair in enumerate(pairs))
     else:
-        return "" if type(value) is type(tree) and value == tree else path
+        return "" if value == tree else path
     return next(filter(None, (_difference(x, y, p) for p, x, y in parts)), "")
 
 

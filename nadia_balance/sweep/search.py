@@ -26,7 +26,6 @@ from nadia_balance.parameters.bounds import (
     parameters,
     require,
 )
-from nadia_balance.parameters.yaml_reader import check_types
 from nadia_balance.parameters.yaml_writer import dump
 from nadia_balance.sweep.trials import (
     LARGEST_PUSH,
@@ -123,7 +122,6 @@ class Sweep:
         Raises:
             ValueError: names field, value and what is allowed.
         """
-        check_types(SearchParams, asdict(self.search))
         check(self.search)
         least, largest = self.search.resolution, self.search.largest
         require(

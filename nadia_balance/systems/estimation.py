@@ -110,14 +110,13 @@ def imu_motion(
 class Imu(Block):
     """Measures the mean angular velocity and specific force over a period.
 
-    `state` is [q, v] of the robot's `control_plant`.  `imu`, (9,), is
-    in the IMU's frame I: the mean angular velocity over the period [rad/s] and
-    the mean specific force dv / T - g [m/s^2], which a unit integrates at its
-    own high rate, with every impact, and the latest angular velocity, a mean
-    of a SAMPLE.  Biases and white noise
-    are added; then all is clipped at its range.  A tick's noise depends on the
-    seed and the tick's number only.  The state has the orientation, velocity
-    and bias of the last tick.
+    `state` is [q, v] of the robot's `control_plant`.  `imu`, (9,), is in the
+    IMU's frame I: the mean angular velocity over the period [rad/s] and the
+    mean specific force dv / T - g [m/s^2], which a unit integrates at its own
+    high rate, with every impact, and the latest angular velocity, a mean of a
+    SAMPLE.  Biases and white noise are added; then all is clipped at its range.
+    A tick's noise depends on the seed and the tick's number only.  The state
+    has the orientation, velocity and bias of the last tick.
 
     Args:
         robot: robot that carries the IMU.

@@ -70,7 +70,7 @@ class Whole:
         # Beyond what is sane, where there is no bound.
         ("least", 11.0, "in [0, 10] m"),
         ("plain", 2e6, "in [-1e+06, 1e+06]"),
-        # Of another type.
+        # Values of another type than the field's.
         ("plain", None, "a number"),
         ("plain", True, "a number"),
         ("between", 3.5, "an integer"),

@@ -124,10 +124,21 @@ REFUSED = [
     (["trials"], "", "trials = '': must be the sha256 of trials.csv"),
     (["who"], None, "row.who: must be there, as in docs/row.schema.json"),
     (["limits", 2, "at"], None, "row.limits[2].at: must be there, as in docs"),
+    (["limits", 4, "share"], None, "row.limits[4].share: must be there, as i"),
     (["robot", "speed"], "2", "row.robot.speed: must be there, as in docs"),
     (["who"], " ", "who = ' ': must be who has measured it"),
     (["limits", 0, "direction_deg"], 45.0, "limits: must have each of the 8"),
 ]
+
+
+def test_a_number_may_be_written_without_its_point(folder, tmp_path):
+    """Oracle: JSON, in which 0 and 0.0 are one number."""
+    tree = json.loads((folder / "row.json").read_text("utf-8"))
+    for one in tree["limits"]:
+        one["direction_deg"] = int(one["direction_deg"])
+    (tmp_path / "row.json").write_text(json.dumps(tree))
+    (tmp_path / "trials.csv").write_bytes((folder / "trials.csv").read_bytes())
+    assert read_row(tmp_path) == read_row(folder)
 
 
 @pytest.mark.parametrize(("path", "value", "message"), REFUSED)

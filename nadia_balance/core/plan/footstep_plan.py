@@ -47,8 +47,8 @@ from nadia_balance.parameters.bounds import bounded, parameters
 
 _HALVINGS = 12  # of an interval of times [-]
 _STILL = 1e-6  # slower commands are to stand [m/s], [rad/s]
-# Errors of the ICP, in calm_error [-]: from one on, the robot has been pushed;
-# below the other, it stands still enough to square its feet.
+# ICP errors in calm_error [-]: the least of a robot that has been pushed, and
+# the largest of one that is still enough to square its feet.
 _PUSHED, _CALM = 2.0, 0.5
 
 
