@@ -25,7 +25,7 @@ from nadia_balance.systems.estimation import StateEstimator, imu_place
 from nadia_balance.systems.foot_forces import FootForceEstimator
 from nadia_balance.systems.wiring import connect
 from nadia_balance.wire.messages import JointCommand, RobotState
-from nadia_balance.wire.process import RobotProcess
+from nadia_balance.wire.process import ProcessParams, RobotProcess
 
 
 class Ticking:
@@ -225,7 +225,10 @@ class RobotBalance:
 
 
 def process_of(
-    robot: str, sensors: str, tell: Callable[[str], None] = lambda line: None
+    robot: str,
+    sensors: str,
+    tell: Callable[[str], None] = lambda line: None,
+    process_params: ProcessParams | None = None,
 ) -> tuple[RobotModel, RobotProcess]:
     """All that balances a robot.
 
@@ -233,6 +236,7 @@ def process_of(
         robot: a model's name, or the path of a robot.yaml.
         sensors: of models/sensors, how wrong its IMU and encoders are.
         tell: takes a line for each event.
+        process_params: how it gets up, and its samples.
 
     Returns:
         The robot, and its process.
@@ -255,6 +259,7 @@ def process_of(
         velocity_limits=velocity_limits(
             params.footstep_planner, model.point_mass
         ),
+        params=process_params,
         tell=tell,
     )
     return model, process

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from nadia_balance.balance_controller import controller_params
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.parameters.bounds import require
 from nadia_balance.wire.balance import process_of
+from nadia_balance.wire.g1_motors import JOINTS, motors_of
 from nadia_balance.wire.kinds import joint_names
-from nadia_balance.wire.messages import JointCommand, RobotState
-from nadia_balance.wire.process import damping
+from nadia_balance.wire.messages import RobotState
+from nadia_balance.wire.process import SILENCE, ProcessParams, damping
 
 AXES = ("remote.ly", "remote.lx", "remote.rx")  # forward, left, turn
 _SIGNS = np.array((1.0, -1.0, -1.0))
@@ -31,13 +33,17 @@ class LeRobotController:
     is the target by which kp (q - q_now) - kd dq_now, the law of LeRobot's
     drives, gives the torque of a JointCommand c at the time of the state.
 
+    All is in the order of the G1's motors.  A state that is refused changes
+    nothing, for as long as the robot is not silent.
+
     Args:
         robot: a model's name, or a robot.yaml, with the joints of LeRobot's G1.
         sensors: how wrong its IMU and encoders are, see load_sensors.
         tell: takes a line for each event.
 
     Raises:
-        ValueError: there is no such robot, or no such sensors.
+        ValueError: there is no such robot, it is no G1, or there are no such
+            sensors.
     """
 
     def __init__(
@@ -46,17 +52,23 @@ class LeRobotController:
         sensors: str = "proprioceptive",
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:
-        model, self._process = process_of(robot, sensors, tell)
-        self.control_dt = self._process.period
-        limits, self.kp = self._process.limits, self._process.stiffness
-        self.kd = self.kp * self._process.params.posture_damping
+        self.control_dt = controller_params(robot).control_period
+        params = ProcessParams(sample_period=self.control_dt)
+        model, self._process = process_of(robot, sensors, tell, params)
+        # Where the motors are among the robot's joints, and the other way.
+        self._motors = motors_of(joint_names(model), f"robot = {robot!r}")
+        self._joints = np.argsort(self._motors)
+        limits = self._process.limits
+        self.kp = self._process.stiffness[self._joints]
+        self.kd = self.kp * params.posture_damping
         self._damping = damping(np.zeros(len(limits)), limits)
-        self._keys = [lerobot_name(joint) for joint in joint_names(model)]
+        self._keys = [lerobot_name(joint) for joint in JOINTS]
         self.reset()
 
     def reset(self) -> None:
         """Begins anew: its next steps take the posture."""
-        self._steps = 0
+        self._steps = self._heard = 0
+        self._command = self._damping
         self._last: Array | None = None  # targets [rad]
         self._process.stop("reset")
         self._process.forget()
@@ -70,7 +82,7 @@ class LeRobotController:
         Args:
             action: what the remote control says, by AXES; other keys are not
                 used.
-            lowstate: LeRobot's state, its motors in the order of the G1's.
+            lowstate: LeRobot's state.
 
         Returns:
             The targets [rad], by LeRobot's names of the joints.
@@ -86,7 +98,7 @@ class LeRobotController:
             f"{len(self._keys)}",
         )
         q, dq, tau = (
-            np.array([getattr(motors[i], name) for i in range(len(self._keys))])
+            np.array([getattr(motors[i], name) for i in self._motors])
             for name in ("q", "dq", "tau_est")
         )
         state = RobotState(
@@ -99,20 +111,32 @@ class LeRobotController:
             force=np.array(imu.accelerometer),
             sticks=_SIGNS * [action.get(axis, 0.0) for axis in AXES],
         )
-        command = self._process.hear(state) or self._damping
-        targets = self._targets(state, command)
+        answer = self._process.hear(state)
+        if answer:
+            self._command, self._heard = answer, self._steps
+        elif (self._steps - self._heard) * self.control_dt > SILENCE:
+            self._command = self._process.silent() or self._damping
+        targets = self._targets(state)[self._joints]
         if not np.isfinite(targets).all():  # nor is what the joints tell
-            targets = np.nan_to_num(q) if self._last is None else self._last
+            targets = (
+                np.nan_to_num(q[self._joints])
+                if self._last is None
+                else self._last
+            )
         self._last = targets
         return dict(zip(self._keys, targets.tolist(), strict=True))
 
-    def _targets(self, state: RobotState, command: JointCommand) -> Array:
+    def _targets(self, state: RobotState) -> Array:
+        """The targets (n,) that give the command, in the robot's order."""
+        command = self._command
         torque = (
             command.tau
             + command.kp * (command.q - state.q)
             + command.kd * (command.dq - state.dq)
         )
-        return np.asarray(state.q + (torque + self.kd * state.dq) / self.kp)
+        kp = self._process.stiffness
+        kd = kp * self._process.params.posture_damping
+        return np.asarray(state.q + (torque + kd * state.dq) / kp)
 
 
 def lerobot_name(joint: str) -> str:

@@ -36,7 +36,8 @@ from cyclonedds.util import duration
 from unitree_sdk2py.idl.unitree_hg.msg.dds_ import LowCmd_, LowState_  # type: ignore[import-untyped]
 from unitree_sdk2py.utils.crc import CRC  # type: ignore[import-untyped]
 
-from nadia_balance.parameters.bounds import check_number, require
+from nadia_balance.parameters.bounds import check_number
+from nadia_balance.wire.g1_motors import motors_of
 from nadia_balance.wire.messages import (
     LOOPBACK,
     JointCommand,
@@ -48,17 +49,6 @@ from nadia_balance.wire.messages import (
 MACHINES = (2, 5)  # the first and the present G1 with 29 joints
 MOTORS = 35
 DEPTH = 64  # of a queue: an eighth of a second of messages
-_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_ARM = (
-    *("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"),
-    *("wrist_roll", "wrist_pitch", "wrist_yaw"),
-)
-# The joints of the motors, in Unitree's order.
-JOINTS = (
-    *(f"{side}_{name}_joint" for side in ("left", "right") for name in _LEG),
-    *(f"waist_{name}_joint" for name in ("yaw", "roll", "pitch")),
-    *(f"{side}_{name}_joint" for side in ("left", "right") for name in _ARM),
-)
 _STOP_BUTTON = 1 << 9  # B
 _REMOTE = np.dtype(
     {
@@ -292,12 +282,8 @@ class _End:
     def __init__(
         self, joints: Sequence[str], interface: str, domain: int
     ) -> None:
-        require(
-            {*joints} == {*JOINTS},
-            "wire = 'unitree': must be of a robot with the 29 joints of the G1",
-        )
+        self._motors = motors_of(joints, "wire = 'unitree'")
         check_number("domain", domain, least=0, most=230)
-        self._motors = [JOINTS.index(joint) for joint in joints]
         try:
             _domain(interface, domain)
             self._participant = DomainParticipant(domain)

@@ -1,14 +1,17 @@
 """LeRobot's caller finds what it asks for, and its drives do what we ask."""
 
+import re
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from nadia_balance.wire.g1_motors import JOINTS
 from nadia_balance.wire.lerobot import LeRobotController, lerobot_name
 from nadia_balance.wire.messages import JointCommand
 from nadia_balance.wire.process import Phase
-from nadia_balance.wire.unitree import JOINTS
+from tests.source_files import ROOT
 
 
 class FakeCaller:
@@ -80,6 +83,40 @@ def test_its_drives_give_the_torques_of_the_command(controller, monkeypatch):
     np.testing.assert_allclose(caller.step()[0], expected, atol=1e-12)
 
 
+def test_joints_are_known_by_their_names(tmp_path, controller):
+    """Oracle: the same robot, whose URDF has its motors the other way round."""
+    folder = tmp_path / "g1"
+    shutil.copytree(ROOT / "models" / "g1", folder)
+    text = (folder / "g1.urdf").read_text("utf-8")
+    motors = re.findall(r"<transmission .*?</transmission>", text, re.DOTALL)
+    backward = iter(motors[::-1])
+    text = re.sub(
+        r"<transmission .*?</transmission>",
+        lambda _: next(backward),
+        text,
+        flags=re.DOTALL,
+    )
+    (folder / "g1.urdf").write_text(text, "utf-8")
+    turned = LeRobotController(str(folder / "robot.yaml"))
+    controller.reset()
+    np.testing.assert_array_equal(turned.kp, controller.kp)
+    callers = FakeCaller(turned), FakeCaller(controller)
+    for caller in callers:
+        for i, motor in enumerate(caller.motors):
+            motor.q = 0.01 * i
+    for _ in range(100):
+        (ours, targets), (theirs, others) = (one.step() for one in callers)
+    assert targets == pytest.approx(others, abs=1e-9)
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+
+def test_another_robot_is_refused():
+    """Oracle: the joints of LeRobot's G1."""
+    message = "^robot = 'nadia': must be of a robot with the 29 joints of the"
+    with pytest.raises(ValueError, match=message):
+        LeRobotController("nadia")
+
+
 def test_takes_the_posture_and_begins_anew_after_a_reset(controller):
     """Oracle: the posture of standing, 2 s after either."""
     caller = FakeCaller(controller)
@@ -94,15 +131,27 @@ def test_takes_the_posture_and_begins_anew_after_a_reset(controller):
         assert targets["kLeftShoulderPitch.q"] == pytest.approx(0.2, abs=0.05)
 
 
-def test_a_state_that_is_not_finite_damps(controller):
-    """Oracle: against each joint's speed, and nothing where it rests."""
+def test_states_that_are_not_finite_damp_once_it_is_silent(controller):
+    """Oracle: the torques before, for 50 ms; then those of dampers.
+
+    These are against each joint's speed, and nothing where it rests.
+    """
     caller = FakeCaller(controller)
     controller.reset()
+    for _ in range(100):
+        before, _ = caller.step()
+    lost = controller._process.counts.lost
     caller.motors[3].dq = 2.0
     caller.imu.gyroscope = [np.nan, 0.0, 0.0]
+    for _ in range(12):
+        torques, _ = caller.step()
+    assert np.abs(np.delete(torques - before, 3)).max() < 1e-9
+    assert np.abs(torques).max() > 1.0
     torques, _ = caller.step()
     assert torques[3] == pytest.approx(-0.03 * 111.0 * 2.0)
     assert np.abs(np.delete(torques, 3)).max() < 1e-12
+    assert controller._process.counts.silences == 1
+    assert controller._process.counts.lost == lost == 0
 
 
 def test_a_robot_with_fewer_joints_is_refused(controller):

@@ -9,8 +9,9 @@ from unitree_sdk2py.idl.unitree_hg.msg.dds_ import LowCmd_, LowState_
 from unitree_sdk2py.utils.crc import CRC
 
 from nadia_balance.wire import unitree
+from nadia_balance.wire.g1_motors import JOINTS
 from nadia_balance.wire.messages import Mode, RefusedError
-from nadia_balance.wire.unitree import JOINTS, UnitreeRobotWire, UnitreeWire
+from nadia_balance.wire.unitree import UnitreeRobotWire, UnitreeWire
 from tests.wire import ends
 from tests.wire.examples import command, state
 
