@@ -104,6 +104,8 @@ class WholeBodyLimits:
             self._trunk_rows.stop, self._trunk_rows.stop + _NUM_TILTS
         )
         self._given = list(model.given)
+        self._softened = np.eye(model.num_joints)
+        self._softened[self._given] = 0.0
         self._slack_costs = np.array([_JOINT_SLACK] * n + [_RATE_SLACK])
         # Acceleration back to upright per tilt [1/s^2], see _upright; the tilt
         # that costs nothing, and the largest acceleration that is missing.
@@ -255,7 +257,7 @@ class WholeBodyLimits:
 
         and no largest s, with a cost of j^2, h^2 and d^2, so that none yields
         more than it has to; none is physical.  The variables are [x, j, h, d],
-        h and d where there is such a limit.
+        h and d where there is such a limit.  Given joints do not yield.
 
         Args:
             problem: that of the tick, infeasible.
@@ -278,7 +280,7 @@ class WholeBodyLimits:
         H[range(n, len(H)), range(n, len(H))] = costs
         A = np.zeros((len(problem.A), len(H)))
         A[:, :n] = problem.A
-        A[first:][self._joint_rows, n : n + soft] = np.eye(soft)
+        A[first:][self._joint_rows, n : n + soft] = self._softened
         if pairs:
             A[-pairs:, -1] = 1.0
         upper = problem.upper.copy()
@@ -294,6 +296,7 @@ class WholeBodyLimits:
             return softened
         rows = slice(first, first + self._model.num_joints)
         drives = self.torque_bounds(terms.v[6:], None) - terms.forces[6:, -1]
+        drives[:, self._given] = _ANY
         return self._with_haste(softened, rows, n + soft, drives)
 
     def _with_haste(

@@ -147,6 +147,29 @@ def test_joints_of_somebody_else_s_move_on_as_they_do():
             assert ratio < 1.0 + 1e-6
 
 
+def test_joints_of_somebody_else_s_do_not_yield_either():
+    """Oracle: vdot is given, 0, although no torque near the last one solves it.
+
+    Where it is not given, the elbow is what yields.
+    """
+    name = "LEFT_ELBOW_Y"
+    params = WholeBodyQpParams(given_joints=[name])
+    robot = whole_body_model(nadia(), kinematics().plant, params)
+    joint = kinematics().plant.GetJointByName(name)
+    i = joint.velocity_start()
+    state = standing_state()
+    state[joint.position_start()] += 0.4
+    terms = terms_at(state)
+    last = np.random.default_rng(0).uniform(-1.0, 1.0, robot.num_joints)
+    for given in robot, replace(robot, given=()):
+        solution = WholeBodyQp(params, given, PERIOD).solve(
+            terms, command(terms), last * robot.max_torque
+        )
+        assert solution.qp.solved and solution.qp.solves > 1
+        still = abs(solution.vdot[i]) < 1e-6
+        assert still == bool(given.given)
+
+
 def knee_at(speed: float, joint: str = "LEFT_KNEE_Y"):
     """Nadia stands on its right foot; its left knee, or a joint, turns."""
     state = standing_state()
