@@ -252,6 +252,7 @@ def carry_out(
             encoding="utf-8",
         )
         command_line.say(
+            *(f"robot: {remark}" for remark in diagram.remarks()),
             *(f"policy: {line}" for line in keep_contract(folder, diagram)),
             f"{len(sweep.cells())} cells; {len(rows.all)} trials are there "
             "already",

@@ -20,7 +20,7 @@ from nadia_balance import palette
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.walking.mechanisms import COLORS
 from nadia_balance.results.plots.style import FAINT, TEXT
-from nadia_balance.sweep.limits import LimitTable, Record, mark, protocol_of
+from nadia_balance.sweep.limits import LimitTable, Record, mark
 from nadia_balance.sweep.trials import Situation
 
 # Names of directions [deg], relative to the heading of the stance foot.
@@ -157,7 +157,7 @@ def _draw_curves(
             zorder=2.5,
             label=mechanisms,
         )
-    protocol = protocol_of(limits.identity["robot"], situation)
+    protocol = limits.protocols.get(situation)
     if protocol:
         ax.plot(
             *closed(protocol.curves(situation[0]).get(last, {})),
@@ -284,7 +284,7 @@ def _draw_key(fig: Figure, limits: LimitTable) -> None:
     """Explains the lines of the first panel, and the area beyond the limit."""
     lines = {str(line.get_label()): line for line in fig.axes[0].lines}
     labels = {name: limits.title(name) for name in limits.mechanisms}
-    protocol = protocol_of(limits.identity["robot"], limits.situations[0])
+    protocol = limits.protocols.get(limits.situations[0])
     if protocol:
         labels[protocol.paper] = protocol.paper
     if limits.beside:

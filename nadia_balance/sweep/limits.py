@@ -16,8 +16,14 @@ from nadia_balance.core.walking.mechanisms import (
     NAMED,
 )
 from nadia_balance.diagrams.lipm import LipmDiagram
-from nadia_balance.diagrams.scenario import AT, STANDING, Scenario
+from nadia_balance.diagrams.scenario import (
+    AT,
+    STANDING,
+    Scenario,
+    load_scenario,
+)
 from nadia_balance.diagrams.simulation import walk_to_push
+from nadia_balance.diagrams.terrain import FLAT
 from nadia_balance.parameters.bounds import require
 from nadia_balance.robot.model import RobotModel, load_robot
 from nadia_balance.robot.params import MODELS
@@ -173,6 +179,8 @@ class LimitTable:
         mechanisms: fewer before more.
         records: every cell of these and the directions.
         assumptions: of the limits of any controller.
+        protocols: figures of a paper, by situation.
+        walks: commands and ground of the scenarios, where there are any.
         beside: limits of another sweep [m/s], by cell.
         beside_title: its name.
     """
@@ -182,6 +190,8 @@ class LimitTable:
     mechanisms: list[str]
     records: list[Record]
     assumptions: list[str]
+    protocols: dict[Situation, Protocol] = field(default_factory=dict)
+    walks: dict[str, str] = field(default_factory=dict)
     beside: dict[Cell, float] = field(default_factory=dict)
     beside_title: str = ""
 
@@ -268,9 +278,15 @@ def limit_table(
         ValueError: as limits_of.
     """
     groups = rows.by_cell()
+    protocols = {
+        situation: protocol
+        for situation in {cell[:2] for cell in groups}
+        if (protocol := protocol_of(rows.identity["robot"], situation))
+        and _walks_as_published(scenarios[situation[0]], situation[0])
+    }
     situations = sorted(
         {cell[:2] for cell in groups},
-        key=lambda one: (protocol_of(rows.identity["robot"], one) is None, one),
+        key=lambda one: (one not in protocols, one),
     )
     tried = {cell.mechanisms for cell in groups}
     mechanisms = [name for name in NAMED if name in tried]
@@ -288,7 +304,13 @@ def limit_table(
             on = [replace(limit, on=allowed) for limit in limits]
             cells = [Cell(*situation, name, one) for one in directions]
             records += [
-                _record(cell, rows.identity, groups.get(cell, []), on)
+                _record(
+                    cell,
+                    rows=groups.get(cell, []),
+                    search=SearchParams.of(rows.identity),
+                    limits=on,
+                    protocol=protocols.get(situation),
+                )
                 for cell in cells
             ]
     return LimitTable(
@@ -297,16 +319,47 @@ def limit_table(
         mechanisms=mechanisms,
         records=records,
         assumptions=sorted(assumptions),
+        protocols=protocols,
+        walks=_walks(scenarios),
         beside=known_limits(beside) if beside else {},
         beside_title=f"beside: {beside.resolve().name}" if beside else "",
     )
 
 
+def _walks_as_published(scenario: Scenario, name: str) -> bool:
+    """True if its steps, ground and commands are those of the name."""
+    published = load_scenario(name, robot=scenario.robot)
+    return all(
+        getattr(scenario, field) == getattr(published, field)
+        for field in ("gait", "terrain", "commands", "random_commands")
+    )
+
+
+def _walks(scenarios: dict[str, Scenario]) -> dict[str, str]:
+    """Returns what the flags can change of the walk, by its field's name."""
+    told: dict[str, list[str]] = {"commands": [], "terrain": []}
+    for scenario in scenarios.values():
+        told["commands"] += [
+            f"{row.forward:g} {row.left:g} {row.turn:g} from {row.time:g} s"
+            for row in scenario.commands
+        ]
+        if scenario.terrain.name != FLAT:
+            told["terrain"].append(scenario.terrain.name)
+    return {
+        name: "; ".join(dict.fromkeys(texts))
+        for name, texts in told.items()
+        if texts
+    }
+
+
 def _record(
-    cell: Cell, identity: Identity, rows: list[Row], limits: Sequence[LipmLimit]
+    cell: Cell,
+    rows: list[Row],
+    search: SearchParams,
+    limits: Sequence[LipmLimit],
+    protocol: Protocol | None,
 ) -> Record:
-    recovery = limit(results_of(rows), SearchParams.of(identity))
-    protocol = protocol_of(identity["robot"], cell[:2])
+    recovery = limit(results_of(rows), search)
     paper = protocol.curves(cell.scenario) if protocol else {}
     pushes = [one.largest_push(cell.direction_deg) for one in limits]
     return {
@@ -396,7 +449,7 @@ def _on_level_ground(scenario: Scenario, robot: RobotModel) -> Scenario:
     )
     if all(ground is None or ground.is_level for ground in grounds):
         return scenario
-    return scenario.changed(terrain=replace(scenario.terrain, name="flat"))
+    return scenario.changed(terrain=replace(scenario.terrain, name=FLAT))
 
 
 def first_pushes(sweep: Sweep) -> dict[Cell, float]:

@@ -109,6 +109,7 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
         f"of {len(limits.records)} complete",
         "trials": outcomes(rows),
         **{name: str(value) for name, value in limits.identity.items()},
+        **limits.walks,
     }
     parts = [
         f"# Push-recovery envelope: {robot}",

@@ -120,6 +120,16 @@ def assert_all_end(children):
         time.sleep(0.05)
 
 
+def test_says_if_a_command_is_cut(tmp_path):
+    """Oracle: the limit of Nadia's speed; the page names the command."""
+    more = "--command", "3 0 0", "--directions", "1", "--resolution", "1"
+    said = once(tmp_path, *SWEEP, *more, "--replicas", "1", "--out").out
+    (line,) = (line for line in said if line.startswith("robot: "))
+    start = "robot: commands[0] = [3.0, 0.0, 0.0]: is more than it can walk, ["
+    assert 0.7 < float(line.removeprefix(start).split(",")[0]) < 0.9
+    assert "3 0 0 from 0 s" in (tmp_path / "tables.md").read_text("utf-8")
+
+
 def test_says_what_it_does_and_what_came_of_it(undisturbed):
     """Oracle: the files themselves."""
     folder, said = undisturbed

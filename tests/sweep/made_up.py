@@ -68,10 +68,16 @@ class MadeUpLimit:
         return self.largest
 
 
-def table_of(rows: list[dict], search: SearchParams) -> LimitTable:
-    """The limits that follow from these rows, beside a MadeUpLimit."""
+def table_of(
+    rows: list[dict], search: SearchParams, **changed: object
+) -> LimitTable:
+    """The limits that follow from these rows, beside a MadeUpLimit.
+
+    Fields of the rows' scenarios are `changed`.
+    """
     folder = Rows(Path("nowhere"), identity_of(search), rows)
-    scenarios = dict.fromkeys(row["scenario"] for row in rows)
+    names = {row["scenario"] for row in rows}
+    scenarios = {name: load_scenario(name).changed(**changed) for name in names}
     made_up = MadeUpLimit(1.86), MadeUpLimit(2.6), MadeUpLimit(3.0)
     with patch.object(limits, "limits_of", return_value=made_up):
         return limits.limit_table(folder, scenarios)

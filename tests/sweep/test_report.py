@@ -4,10 +4,14 @@ Oracle: the limits from which the trials were made up; the rest by hand.
 """
 
 import csv
+from pathlib import Path
 
 import pytest
 
+from nadia_balance.core.plan.gait import Gait
 from nadia_balance.core.walking.mechanisms import ATLAS_MECHANISMS, MECHANISMS
+from nadia_balance.diagrams.scenario import Command
+from nadia_balance.diagrams.terrain import Terrain
 from nadia_balance.sweep import report
 from nadia_balance.sweep.limits import LIMITS, protocol_of
 from nadia_balance.sweep.search import SearchParams
@@ -92,6 +96,29 @@ def test_a_table_stands_beside_the_paper_and_the_limit():
         "tilt of the torso at the largest push [deg]": ("23",) * 4,
     }.items():
         assert read_table(found, kinds[title])[ALL] == values
+
+
+def test_another_walk_is_told_and_not_compared_with_the_paper():
+    """Oracle: the paper's robot steps in place, on level ground."""
+    rows = made_up_rows(CELLS, COARSE)
+    ruled = table_of(rows, COARSE, sensors="industrial")
+    assert ruled.protocols.keys() == {AT} and not ruled.walks
+    for changed, walks in (
+        ({"terrain": Terrain(name="gap")}, {"terrain": "gap"}),
+        (
+            {"gait": Gait(), "commands": [Command(forward=0.3, turn=-0.2)]},
+            {"commands": "0.3 0 -0.2 from 0 s"},
+        ),
+        ({"gait": Gait(swing_duration=0.8)}, {}),
+    ):
+        found = table_of(rows, COARSE, **changed)
+        assert not found.protocols
+        assert {record["paper"] for record in found.records} == {None}
+        assert found.walks == walks
+        page = report.report_text(found, Rows(Path("nowhere"), {}, rows))
+        for name, text in walks.items():
+            (line,) = (x for x in page.splitlines() if f" {name} |" in x)
+            assert line.split("|")[2].strip() == text
 
 
 def test_the_file_of_the_limits_has_four_digits(tmp_path):
