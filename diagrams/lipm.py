@@ -88,10 +88,12 @@ class LipmDiagram(ClosedLoop):
             self.push,
             meshcat,
             self.velocity_limits,
+            has_switches=self.controller.HasInputPort("mechanisms"),
         )
-        builder.Connect(
-            self._mechanisms, self.controller.GetInputPort("mechanisms")
-        )
+        if self.controller.HasInputPort("mechanisms"):
+            builder.Connect(
+                self._mechanisms, self.controller.GetInputPort("mechanisms")
+            )
         self._finish(
             builder,
             meshcat,
@@ -131,8 +133,9 @@ class LipmDiagram(ClosedLoop):
         connect(builder, controller, plant, "walking_state", "ecmp_command")
         connect(builder, swing, plant, "swing_foot_reference")
         connect(builder, self.push, plant, "push_force")
-        connect(builder, plant, controller, "foot_poses", "foot_forces")
-        connect(builder, plant, controller, "com_state", "icp")
+        for name in "foot_poses", "foot_forces", "com_state", "icp":
+            if controller.HasInputPort(name):  # blocks may not need all
+                connect(builder, plant, controller, name)
         if controller.HasInputPort("alip_icp"):  # without a body the same
             connect(builder, plant, controller, icp="alip_icp")
 

@@ -233,6 +233,19 @@ class Scenario:
         metadata={"internal": True},
     )
 
+    def period(self, plant: str) -> float:
+        """The control period.
+
+        Args:
+            plant: "humanoid" or "lipm".
+
+        Returns:
+            The period [s].
+        """
+        if plant == "lipm":
+            return self.lipm_period
+        return self.controller.control_period
+
     def point_mass(self, robot: RobotModel) -> PointMassModel:
         """Returns the controller's model of the robot on this ground.
 

@@ -74,9 +74,7 @@ def closed_loop(
         f"controller = {str(controller)!r}: must not come with plant = lipm",
     )
     systems: dict[str, Any] = own_blocks.all_made(
-        blocks or {},
-        scenario,
-        scenario.lipm_period if is_lipm else scenario.controller.control_period,
+        blocks or {}, scenario, scenario.period(plant)
     )
     if controller:
         require(
@@ -149,6 +147,9 @@ def start(diagram: ClosedLoop) -> Simulator:
 
     Returns:
         A simulator at time 0.
+
+    Raises:
+        RuntimeError: a block has no value there, such as NaN.
     """
     simulator = Simulator(diagram)
     diagram.set_initial_state(simulator.get_mutable_context())
@@ -198,6 +199,7 @@ def simulate(
     Raises:
         ValueError: an unknown scenario, a change that is invalid or of a
             diagram, or a bad duration.
+        RuntimeError: as `start`; later errors are those of the Run.
     """
     name = ""
     if isinstance(diagram, str):

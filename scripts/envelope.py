@@ -88,13 +88,11 @@ def main(argv: list[str] | None = None) -> int:
                 name: load_scenario(name, rows.folder / SCENARIO)
                 for name in rows.identity["scenario"].split(",")
             }
-            limits.check_beside(
-                args.beside, rows.identity["robot"], rows.by_cell()
-            )
+            limits.check_beside(args.beside, rows.identity, rows.by_cell())
         return _report(rows, scenarios, args.beside)
     with parser.refusing():
         sweep = sweep_from(args)
-        limits.check_beside(args.beside, sweep.one.robot, sweep.cells())
+        limits.check_beside(args.beside, sweep.identity(), sweep.cells())
         sweep.first = limits.first_pushes(sweep)
     args.out = args.out or Path(
         f"envelopes/{datetime.now():%Y-%m-%d_%H-%M-%S}_{args.protocol}"
@@ -354,6 +352,7 @@ def sweeps_of_row(
     Raises:
         ValueError: names the invalid flag, or one that push-v1 fixes.
     """
+    require(bool(args.who), "who = '': must be given, your name")
     _require_only(FREE, parser, args, f"{push_v1.NAME}, which has its own")
     return push_v1.sweeps(
         push_v1.QUICK if args.quick else push_v1.FULL,

@@ -95,11 +95,15 @@ class SinglePushes(Sweep):
         """
         return list(self.drawn) or super().cells()
 
-    def curve(self, scenario: str) -> dict[float, float]:
-        """The limits of a gait, for pushes in right swings.
+    def curve(self, scenario: str, at: str) -> dict[float, float]:
+        """The limits of a gait at a moment.
+
+        They are those of the first moment if none is known at this one, and
+        mirrored if its swing foot is the other one.
 
         Args:
             scenario: its name.
+            at: the moment.
 
         Returns:
             Direction [deg] -> limit [m/s].
@@ -115,13 +119,19 @@ class SinglePushes(Sweep):
             f"limits: must have some of {', '.join(key)}, not only of "
             f"{'; '.join(others)}",
         )
-        at = next(iter(limits)).at
-        return {c.direction_deg: v for c, v in limits.items() if c.at == at}
+        moments = [cell.at for cell in limits]
+        found = at if at in moments else moments[0]
+        sign = 1.0 if _swing_of(found) is _swing_of(at) else -1.0
+        return {
+            sign * cell.direction_deg: limit
+            for cell, limit in limits.items()
+            if cell.at == found
+        }
 
     def attempts(self, cell: Cell, results: Results) -> list[Trial]:
         """The only trial of a cell, unless it has results.
 
-        Limits between directions are interpolated; mirrored for a left swing.
+        Limits between directions are interpolated.
 
         Args:
             cell: of the push.
@@ -132,12 +142,10 @@ class SinglePushes(Sweep):
         """
         if results:
             return []
-        is_left = (
-            cell.at != STANDING and Moment.parse(cell.at).swing is Side.LEFT
+        curve = self.curve(cell.scenario, cell.at)
+        limit = np.interp(
+            cell.direction_deg, [*curve], [*curve.values()], period=360.0
         )
-        direction = -cell.direction_deg if is_left else cell.direction_deg
-        curve = self.curve(cell.scenario)
-        limit = np.interp(direction, [*curve], [*curve.values()], period=360.0)
         return [(round(self.share * float(limit), 3), 0)]
 
     def walk(self, cell: Cell, replica: int) -> Scenario:
@@ -170,8 +178,13 @@ class SinglePushes(Sweep):
         }
 
 
+def _swing_of(at: str) -> Side:
+    """The swing foot; of a robot that stands, the right one."""
+    return Side.RIGHT if at == STANDING else Moment.parse(at).swing
+
+
 def drawn(
-    scenarios: Mapping[str, Scenario], mechanisms: str, count: int
+    scenarios: Mapping[str, Scenario], mechanisms: str, plant: str, count: int
 ) -> dict[Cell, Push]:
     """Draws pushes at random.
 
@@ -181,6 +194,7 @@ def drawn(
     Args:
         scenarios: by name, all of one robot and seed.
         mechanisms: of the cells.
+        plant: of the sweep, of whose periods a push lasts a whole number.
         count: number of pushes.
 
     Returns:
@@ -189,7 +203,7 @@ def drawn(
     one = next(iter(scenarios.values()))
     rng: Any = np.random.default_rng(one.seed)
     robot = load_robot(one.robot, one.fidelity)
-    period = one.controller.control_period
+    period = one.period(plant)
     shortest = math.ceil(LENGTHS[0] / period)
     longest = round(LENGTHS[1] / period) + 1
     pushes: dict[Cell, Push] = {}
@@ -342,7 +356,7 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
     }
     sweep = SinglePushes(
         share=args.share,
-        drawn=drawn(scenarios, mechanisms, count) if count else {},
+        drawn=drawn(scenarios, mechanisms, args.plant, count) if count else {},
         scenarios=scenarios,
         plant=args.plant,
         controller=command_line.controller_of(args),
@@ -359,8 +373,8 @@ def sweep_from(args: argparse.Namespace) -> SinglePushes:
         ),
     )
     sweep.validate()
-    for name in scenarios:
-        sweep.curve(name)
+    for cell in sweep.cells():
+        sweep.curve(cell.scenario, cell.at)
     return sweep
 
 

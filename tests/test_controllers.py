@@ -1,5 +1,6 @@
 """The controllers: alike in any harness, open to blocks of the user's."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -156,3 +157,37 @@ def test_a_block_that_is_left_out_is_a_mechanism_that_is_off():
     ]
     assert logs[0]["push_signal"].any()
     assert np.array_equal(logs[0]["icp"], logs[1]["icp"])
+
+
+def test_a_block_that_needs_less_fits_each_diagram():
+    """Oracle: Drake, which connects no port that is not there."""
+
+    class Level(LeafSystem):
+        def __init__(self):
+            super().__init__()
+            self.DeclareVectorOutputPort(
+                "momentum_rate", 3, lambda _, output: output.set_value([0] * 3)
+            )
+
+    scenario = load_scenario("walk_in_place")
+    for kind in LipmDiagram, HumanoidDiagram:
+        diagram = kind(scenario, com_height_controller=Level())
+        assert not simulate(diagram, 0.02).error
+
+
+def test_an_error_before_the_first_row_is_the_reason():
+    """Oracle: NaN, which is refused where it comes in."""
+
+    class Wrong(LeafSystem):
+        def __init__(self):
+            super().__init__()
+            self.DeclareVectorOutputPort(
+                "momentum_rate",
+                3,
+                lambda _, output: output.set_value([math.nan] * 3),
+            )
+
+    scenario = load_scenario("walk_in_place", fidelity="ideal")
+    diagram = HumanoidDiagram(scenario, com_height_controller=Wrong())
+    reason = simulate(diagram, 0.1).summary["reason"]
+    assert "'momentum_rate' is not finite at 0.000 s" in reason

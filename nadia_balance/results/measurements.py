@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from nadia_balance.core.body.reachability import distance_between
 from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.polygon import halfspaces
-from nadia_balance.core.walking.state import Phase, Side
+from nadia_balance.core.walking.state import FootPose, Phase, Side
 from nadia_balance.results.estimation import ESTIMATE, measure_estimate
 from nadia_balance.results.live_watches import VelocityWatch
 from nadia_balance.results.log import (
@@ -449,31 +450,15 @@ def _swing_speeds(log: Log) -> Array:
 
 
 def _sole_distance(log: Log) -> float:
-    """Least distance [m] in plan view of PASSING soles; 0: one is above.
-
-    Of convex polygons it is their largest gap, seen along edges and across,
-    or along lines between corners of both.
-    """
+    """Least distance [m] in plan view of PASSING soles; 0: one is above."""
     poses = log["foot_poses"].reshape(-1, 2, 4)  # per foot: p_WF and yaw
     heights = poses[:, :, 2]
-    poses = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
-    # The plane as complex numbers: corners (n, k) of each foot.
+    passing = poses[np.abs(heights[:, 0] - heights[:, 1]) < PASSING]
     soles = (
-        np.exp(1j * poses[:, :, 3:]) * (log["sole"] @ [1.0, 1j])
-        + poses[:, :, :1]
-        + 1j * poses[:, :, 1:2]
+        [FootPose(foot[:3], foot[3]).to_world(log["sole"]) for foot in feet]
+        for feet in passing
     )
-    left, right = np.moveaxis(soles, 1, 0)
-    edges = 1j * (np.roll(soles, -1, axis=2) - soles).reshape(len(soles), -1)
-    between = left[:, :, None] - right[:, None]
-    gaps = np.zeros(len(soles))
-    for line in np.hstack(
-        (edges, -edges, between.reshape(edges.shape[0], -1))
-    ).T:
-        along = (line / np.maximum(np.abs(line), 1e-12)).conj()[:, None]
-        a, b = (left * along).real, (right * along).real
-        gaps = np.maximum(gaps, a.min(axis=1) - b.max(axis=1))
-    return float(np.min(gaps, initial=math.inf))
+    return min((distance_between(*feet) for feet in soles), default=math.inf)
 
 
 def _edge_distances(log: Log) -> list[float]:

@@ -99,7 +99,7 @@ def envelope(
     sweep.validate()
     diagram = sweep.try_out()
     other = None if beside is None else Path(beside)
-    check_beside(other, sweep.one.robot, sweep.cells())
+    check_beside(other, sweep.identity(), sweep.cells())
     sweep.first = first_pushes(sweep)
     folder = prepare_folder(Path(out))
     with (

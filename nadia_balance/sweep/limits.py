@@ -322,8 +322,20 @@ def limit_table(
         protocols=protocols,
         walks=_walks(scenarios),
         beside=known_limits(beside) if beside else {},
-        beside_title=f"beside: {beside.resolve().name}" if beside else "",
+        beside_title=_title_of(beside, rows.identity) if beside else "",
     )
+
+
+def _title_of(beside: Path, identity: Identity) -> str:
+    """Returns the name of the other sweep, with what is not the same in it."""
+    theirs = Rows.read(beside).identity
+    others = [
+        {"robot_files": "other robot files"}.get(name, str(theirs[name]))
+        for name in ("plant", "robot_files")
+        if name in theirs and theirs[name] != identity.get(name)
+    ]
+    name = beside.resolve().name
+    return f"beside: {name}" + (f" ({', '.join(others)})" if others else "")
 
 
 def _walks_as_published(scenario: Scenario, name: str) -> bool:
@@ -482,13 +494,15 @@ def first_pushes(sweep: Sweep) -> dict[Cell, float]:
 
 
 def check_beside(
-    folder: Path | None, robot: str, cells: Collection[Cell]
+    folder: Path | None, identity: Identity, cells: Collection[Cell]
 ) -> None:
     """Checks a sweep that another one is compared with.
 
+    The robot may have been changed since, or its files copied.
+
     Args:
         folder: of that sweep; None: there is none.
-        robot: of the other one.
+        identity: of the other one.
         cells: of the other one.
 
     Raises:
@@ -498,10 +512,11 @@ def check_beside(
     if folder is None:
         return
     shared = known_limits(folder, "beside").keys() & cells
-    of_robot = Rows.read(folder).identity["robot"]
+    theirs = Rows.read(folder).identity
     require(
-        of_robot == robot,
-        f"beside = {str(folder)!r}: must be of {robot}, not of {of_robot}",
+        any(theirs.get(k) == identity.get(k) for k in ("robot", "robot_files")),
+        f"beside = {str(folder)!r}: must be of {identity['robot']}, not of "
+        f"{theirs['robot']}",
     )
     mechanisms = max({cell.mechanisms for cell in cells}, key=[*NAMED].index)
     require(

@@ -251,12 +251,8 @@ class Sweep:
             mechanisms=cell.mechanisms,
             seed=scenario.seed + replica,
         )
-        period = (
-            scenario.lipm_period
-            if self.plant == "lipm"
-            else scenario.controller.control_period
-        )
-        scenario.pushes[0].delay += (replica % 2) * period
+        delay = (replica % 2) * scenario.period(self.plant)
+        scenario.pushes[0].delay += delay
         return scenario
 
     def identity(self) -> Identity:

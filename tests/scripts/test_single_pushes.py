@@ -53,6 +53,27 @@ def test_a_push_is_a_share_of_the_limit_of_its_direction(capsys):
     assert bodies == {"PELVIS_LINK", "TORSO_LINK"}
 
 
+def test_limits_of_a_left_moment_are_not_mirrored_for_it(capsys):
+    """Oracle: the limits, which grow; there is none of a transfer."""
+    at = "left swing 25 %,left transfer 50 %,right swing 50 %"
+    sweep = sweep_of(capsys, "--directions", "90,", "--at", at)
+    limits = {
+        cell._replace(at=cell.at.replace("right", "left")): limit
+        for cell, limit in sweep.known_limits.items()
+    }
+    sweep.known_limits = limits
+    found = [sweep.attempts(cell, {})[0][0] for cell in sweep.cells()]
+    assert found == pytest.approx([0.6 * x for x in (1.25, 1.25, 1.75)])
+
+
+def test_a_push_at_random_lasts_some_ticks_of_the_plant(capsys):
+    """Oracle: the periods, 4 ms of the body and 10 ms of the point mass."""
+    for plant, period in ("humanoid", 0.004), ("lipm", 0.01):
+        sweep = sweep_of(capsys, "--pushes", 20, "--plant", plant)
+        ticks = [push.duration / period for push in sweep.drawn.values()]
+        np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-6)
+
+
 def test_pushes_come_where_they_are_asked_for(capsys):
     """Oracle: by hand; body and length are the scenario's."""
     at = "left transfer 50 %", "right swing 10 %"

@@ -8,7 +8,7 @@ from nadia_balance.core.walking.mechanisms import MECHANISMS
 from nadia_balance.diagrams.scenario import load_scenario
 from nadia_balance.sweep import limits
 from nadia_balance.sweep.limits import known_limits, limits_of
-from nadia_balance.sweep.trials import Cell
+from nadia_balance.sweep.trials import Cell, Rows
 from tests.source_files import ROOT
 from tests.sweep.made_up import AT
 
@@ -84,3 +84,21 @@ def test_the_limit_is_of_a_point_mass_whatever_walks():
     )
     wanted, *found = (limits_of(s, AT)[0].largest_push(0) for s in scenarios)
     assert found == pytest.approx(3 * [wanted], rel=1e-6)
+
+
+def test_a_sweep_stands_beside_one_of_the_same_robot_alone():
+    """Oracle: name and files of the robot; what differs is told."""
+    folder = ROOT / "docs" / "results" / "fig10"
+    identity, cells = Rows.read(folder).identity, known_limits(folder)
+    for changed, title in (
+        ({}, "beside: fig10"),
+        ({"robot": "elsewhere/robot.yaml"}, "beside: fig10"),
+        ({"robot_files": "0"}, "beside: fig10 (other robot files)"),
+        ({"plant": "lipm"}, "beside: fig10 (humanoid)"),
+    ):
+        ours = identity | changed
+        limits.check_beside(folder, ours, cells)
+        assert limits._title_of(folder, ours) == title
+    other = identity | {"robot": "else", "robot_files": "0"}
+    with pytest.raises(ValueError, match="must be of else, not of nadia$"):
+        limits.check_beside(folder, other, cells)
