@@ -551,7 +551,14 @@ def known_limits(folder: Path, field: str = "limits") -> dict[Cell, float]:
                 limits[Cell.of(line | {"direction_deg": angle})] = limit
         if not limits:
             raise ValueError
-    except (FileNotFoundError, csv.Error, KeyError, TypeError, ValueError):
+    except (
+        FileNotFoundError,
+        NotADirectoryError,
+        csv.Error,
+        KeyError,
+        TypeError,
+        ValueError,
+    ):
         raise ValueError(
             f"{field} = {str(folder)!r}: must have a {LIMITS}"
         ) from None

@@ -345,8 +345,8 @@ class FixedFootsteps(FootstepPlanner):
     """Plans the footsteps of a list; then as a FootstepPlanner.
 
     The number of steps taken says where in the list it is; the next ones are
-    within reach of where the feet are.  `velocity_command` counts once the
-    robot stands after them.
+    within reach of where the feet are.  `velocity_command` counts from the
+    touchdown of the last one on, with the speed that its ramp has by then.
 
     Args:
         params: rules of the planner, for the time after the list.

@@ -27,7 +27,7 @@ from nadia_balance.wire.messages import JointCommand, Mode, RobotState
 ENGINES = "drake", "mujoco"
 STEP = 0.001  # of the engine and of the drives [s]
 SAMPLE = 0.002  # period of the bus [s]
-ATTACK = 0.4  # of the band above the origin of the pelvis [m]
+ATTACK = 0.4  # of the band above the origin of the pelvis, over the CoM [m]
 PUSH_TIME = 0.1  # [s]
 
 
@@ -85,6 +85,11 @@ class SimulatedRobot:
         self._pelvis = self._plant.GetBodyByName(robot.pelvis_body).index()
         self._standing = robot.standing_positions()
         self._mass = robot.mass
+        context: Any = self._plant.CreateDefaultContext()
+        self._plant.SetPositions(context, cast(Any, self._standing))
+        p_WC = self._plant.CalcCenterOfMassPositionInWorld(context)
+        # Where the band attacks, in the upright pelvis.
+        self._p_BA = np.append(p_WC[:2] - self._standing[4:6], ATTACK)
         self.band = Band(robot.mass, self._standing[6] + ATTACK, catches)
         self._hang()
         self._push = np.zeros(3)
@@ -209,20 +214,21 @@ class SimulatedRobot:
         """Band and push, on the pelvis."""
         forces = []
         if self.time < self._push_ends - 1e-9:
-            forces.append(self._force(0.0, self._push))
+            forces.append(self._force(np.zeros(3), self._push))
         if not self.band.is_slack:
-            arm = _rotation(state) @ np.array([0.0, 0.0, ATTACK])
+            arm = _rotation(state) @ self._p_BA
             w, v = state[self._nq : self._nq + 6].reshape(2, 3)
             held = self.band.force(state[4:7] + arm, v + np.cross(w, arm))
-            forces.append(self._force(ATTACK, held))
+            forces.append(self._force(self._p_BA, held))
         return forces
 
-    def _force(self, z: float, force: Array) -> ExternallyAppliedSpatialForce:
-        """A force on the z axis of the pelvis."""
-        point: Any = [0.0, 0.0, z]
+    def _force(
+        self, p_BA: Array, force: Array
+    ) -> ExternallyAppliedSpatialForce:
+        """A force on the pelvis."""
         applied = ExternallyAppliedSpatialForce()
         applied.body_index = self._pelvis
-        applied.p_BoBq_B = point
+        applied.p_BoBq_B = cast(Any, p_BA)
         applied.F_Bq_W = SpatialForce(cast(Any, np.zeros(3)), cast(Any, force))
         return applied
 

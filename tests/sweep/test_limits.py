@@ -67,8 +67,9 @@ def test_what_is_no_limit_is_refused(text, tmp_path):
     """Oracle: no push is below zero, and no direction beyond 360 deg."""
     (tmp_path / "limits.csv").write_text(text)
     message = "^limits = .*: must have a limits.csv"
-    with pytest.raises(ValueError, match=message):
-        known_limits(tmp_path)
+    for folder in tmp_path, tmp_path / "limits.csv", tmp_path / "none":
+        with pytest.raises(ValueError, match=message):
+            known_limits(folder)
 
 
 def test_the_limit_is_of_a_point_mass_whatever_walks():

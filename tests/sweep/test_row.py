@@ -212,6 +212,7 @@ FLAGS = ["--protocol", "push-v1", "--quick", "--who", "somebody"]
             ["--protocol", "nadia_fig10"],
             "who = 'somebody': must come with push",
         ),
+        (["--who", ""], "who = '': must be given, your name"),
     ],
 )
 def test_what_the_protocol_fixes_is_no_flag(flags, message, tmp_path, capsys):

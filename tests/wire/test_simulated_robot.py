@@ -9,6 +9,7 @@ from pydrake.math import RotationMatrix
 
 from nadia_balance.core.estimation.sensors import SensorParams
 from nadia_balance.robot.model import load_robot
+from nadia_balance.robot.plants import actuated_velocities
 from nadia_balance.wire.kinds import joint_names
 from nadia_balance.wire.messages import JointCommand, Mode
 from nadia_balance.wire.simulated_robot import SimulatedRobot
@@ -42,6 +43,26 @@ def test_hangs_at_rest_and_says_so(engine):
     law = -40.0 * state.q - state.dq
     np.testing.assert_allclose(state.tau, law, atol=0.1)
     assert np.abs(state.tau).max() > 1.0  # of the arms, which are heavy
+
+
+@pytest.mark.parametrize("name", ["atlas", "nadia"])
+def test_hangs_upright_in_the_posture_of_standing(name):
+    """Oracle: a body hangs with its centre of mass below the band.
+
+    Atlas' is 3 cm ahead of its pelvis.
+    """
+    model = load_robot(name)
+    robot = SimulatedRobot(model, SensorParams())
+    plant = model.control_plant()
+    q = model.standing_positions()[actuated_velocities(plant) + 1]
+    stiffness = 4.0 * plant.GetEffortUpperLimits()
+    zero = np.zeros(len(q))
+    stiff = JointCommand(q, zero, zero, stiffness, 0.02 * stiffness)
+    for _ in range(1200):
+        robot.step(stiff)
+    w, x, y, z = robot.pose[:4]
+    cosine = (w**2 - x**2 - y**2 + z**2) / (w**2 + x**2 + y**2 + z**2)
+    assert np.arccos(cosine) < 0.15
 
 
 def test_drives_hold_where_they_are_told_to_and_are_off_when_off():
