@@ -9,10 +9,10 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import GRAVITY
 from nadia_balance.core.walking.state import Side, number_of_ticks
 from nadia_balance.robot.model import RobotModel
+from nadia_balance.systems.contact_clock import BOUNCE
 from nadia_balance.systems.signals import Touchdown, size
 
 CONTACT = 0.01  # least force of a foot in contact, per weight [-]
-AIR = 0.06  # least time in the air before a touchdown: less is a bounce [s]
 IMPACT = 0.06  # time from the touchdown in which its forces are looked at [s]
 MEAN = 0.01  # time over which a force is a machine's to bear [s]
 SLIDE = 0.1  # time from the touchdown in which the foot may slide [s]
@@ -63,7 +63,7 @@ class TouchdownRecord:
 
     def _begins(self, force: Array) -> list[int]:
         """The steps in which a foot meets the ground."""
-        touches, least = force > CONTACT, round(AIR / self._step)
+        touches, least = force > CONTACT, round(BOUNCE / self._step)
         begins, in_air = [], 0
         for k, contact in enumerate(touches.tolist()):
             if contact and in_air >= least:

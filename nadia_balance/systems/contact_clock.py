@@ -25,7 +25,7 @@ from nadia_balance.systems.ports import (
 
 STOOD = 2.0  # a transfer of as many times its last duration is standing [-]
 LOADED = 0.05  # share of the weight above which a foot is in contact [-]
-BOUNCE = 0.06  # shortest swing that is measured [s]
+BOUNCE = 0.06  # in the air for less, a foot has not been lifted [s]
 
 
 class ContactClock(Block):

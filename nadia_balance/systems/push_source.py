@@ -26,6 +26,7 @@ from nadia_balance.parameters.bounds import check, check_number, require
 from nadia_balance.systems.ports import (
     Block,
     check_period,
+    declare_scratch,
     declare_update,
     input_port,
     optional_input,
@@ -158,7 +159,8 @@ class PushSource(Block):
         if self._frames:
             size = plant.num_multibody_states()
             self._state = input_port(self, "state", size)
-            self._plant, self._poses = plant, plant.CreateDefaultContext()
+            self._plant = plant
+            self._poses: Any = declare_scratch(self, plant)
 
     def set_push(
         self, context: Context, delta_v: float, direction_deg: float
@@ -316,8 +318,9 @@ class PushSource(Block):
         along = self._pushes[i].along(heading)
         if i not in self._frames:
             return along
-        self._plant.SetPositionsAndVelocities(self._poses, self._state(context))
-        X_WB = self._plant.EvalBodyPoseInWorld(self._poses, self._frames[i])
+        poses = self._poses.Eval(context)
+        self._plant.SetPositionsAndVelocities(poses, self._state(context))
+        X_WB = self._plant.EvalBodyPoseInWorld(poses, self._frames[i])
         return np.asarray(X_WB.rotation() @ along)
 
     def _push_signal(

@@ -248,9 +248,9 @@ class Touchdown(
     """How a foot meets the ground: the motion of the lowest corner before.
 
     `side` is +1 for left, -1 for right; the speeds are level and down [m/s],
-    also on a slope, `tilt` is the sole's against level [rad], `force` the largest one in a
-    step of the plant, `mean_force` over 10 ms, both per weight [-]; `slide` is
-    how far the sole moves along the ground in 0.1 s [m].
+    also on a slope, `tilt` is the sole's against level [rad], `force` the
+    largest one in a step of the plant, `mean_force` over 10 ms, both per weight
+    [-]; `slide` is how far the sole moves in 0.1 s, seen from above [m].
     """
 
 

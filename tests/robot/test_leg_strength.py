@@ -114,6 +114,20 @@ def test_a_weak_ankle_narrows_the_area_of_both_feet(tmp_path):
     assert area.min(axis=0) == pytest.approx([-0.125, -half_width], abs=1e-4)
 
 
+def test_an_ankle_that_is_weak_on_one_side_narrows_both():
+    """Oracle: by hand, as above; the sole is beside the ankle.
+
+    The area is that of either foot, which are mirror images.
+    """
+    robot = ROBOTS["g1"]
+    legs = StandingLegs(robot, robot.standing_positions())
+    half = legs.cop_area(robot.sole)[:, 1].max()
+    for shift in 0.01, -0.01:
+        y = legs.cop_area(robot.sole + [0.0, shift])[:, 1]
+        assert y.max() == -y.min()
+        assert y.max() == pytest.approx(half - 0.01, abs=1e-3)
+
+
 def test_refuses_an_ankle_that_cannot_carry_the_robot():
     """Oracle: the message; a sole in front of what 35 N m can hold."""
     robot = ROBOTS["g1"]

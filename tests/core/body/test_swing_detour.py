@@ -257,3 +257,26 @@ def test_no_edge_is_on_level_ground_and_on_a_slope():
     # The toe is 0.125 m ahead, the edge at x = 0.25 m.
     for x, z, held in (0.0, 0.0, False), (0.08, 0.2, True), (0.08, 0.22, False):
         assert edges.are_in_the_way(np.array([x, -0.125, z])) == held
+
+
+@pytest.mark.parametrize(("gap", "is_edge"), [(0.005, True), (0.015, False)])
+def test_a_box_close_beside_the_way_is_an_edge(gap, is_edge):
+    """Oracle: by hand; a foot sways by less than 1 cm."""
+    y = -0.125 + SOLE[:, 1].min() - gap - 0.1
+    box = square("box", 0.25, y, side=0.2, height=0.1)
+    ground = Ground((square("low", side=3.0), box), SOLE)
+    schedule = swing(ground, (0.0, -0.125), (0.5, -0.125))
+    edges = edges_on_way(schedule, ground, 0.03)
+    assert (edges is not None) == is_edge
+
+
+def test_a_foot_comes_down_from_an_edge_in_the_last_fifth():
+    """Oracle: by hand; the heel leaves the box at 85 % of the way."""
+    heel = SOLE[:, 0].min()
+    for share, drop in (0.85, 0.13), (0.75, 0.0):
+        x = 0.5 * share + heel - 0.1
+        box = square("box", x, -0.125, side=0.2, height=0.1)
+        ground = Ground((square("low", side=3.0), box), SOLE)
+        schedule = swing(ground, (-0.05, -0.125), (0.5, -0.125))
+        edges = edges_on_way(schedule, ground, 0.03)
+        assert edges.drop == pytest.approx(drop, abs=1e-6)
