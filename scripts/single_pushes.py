@@ -120,12 +120,12 @@ class SinglePushes(Sweep):
             f"{'; '.join(others)}",
         )
         moments = [cell.at for cell in limits]
-        found = at if at in moments else moments[0]
-        sign = 1.0 if _swing_of(found) is _swing_of(at) else -1.0
+        moment = at if at in moments else moments[0]
+        sign = 1.0 if _swing_of(moment) is _swing_of(at) else -1.0
         return {
             sign * cell.direction_deg: limit
             for cell, limit in limits.items()
-            if cell.at == found
+            if cell.at == moment
         }
 
     def attempts(self, cell: Cell, results: Results) -> list[Trial]:

@@ -75,9 +75,9 @@ Worst: the least limit of all moments in each direction, realistic, in Drake;
 mean and least of the directions [m/s]. If a controller does not step, so
 that a push in a swing never comes, that moment counts as 0. So does one at
 which its own steps land too hard without a push. In our plant FastSAC's come
-down at 1.0 m/s, where 0.8 are allowed: its 0 in place tells of the rule, not of
-how it keeps its feet. With ideal drives no landing is judged: there it recovers
-from more than ours.
+down at 1.0 m/s, where 0.8 are allowed: its 0 in place means that
+its own steps break this rule, not that it falls. With ideal drives no landing
+is judged: there it recovers from more than ours.
 
 In the tables of moments are means of the directions: of the push [m/s], and of
 its share of what a [point mass](envelope.md) recovers from. At these pushes:

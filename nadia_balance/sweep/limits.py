@@ -180,7 +180,7 @@ class LimitTable:
         records: every cell of these and the directions.
         assumptions: of the limits of any controller.
         protocols: figures of a paper, by situation.
-        walks: commands and ground of the scenarios, where there are any.
+        walk: commands and ground of the scenarios, if flags changed them.
         beside: limits of another sweep [m/s], by cell.
         beside_title: its name.
     """
@@ -191,7 +191,7 @@ class LimitTable:
     records: list[Record]
     assumptions: list[str]
     protocols: dict[Situation, Protocol] = field(default_factory=dict)
-    walks: dict[str, str] = field(default_factory=dict)
+    walk: dict[str, str] = field(default_factory=dict)
     beside: dict[Cell, float] = field(default_factory=dict)
     beside_title: str = ""
 
@@ -320,7 +320,7 @@ def limit_table(
         records=records,
         assumptions=sorted(assumptions),
         protocols=protocols,
-        walks=_walks(scenarios),
+        walk=_walk_of(scenarios[situations[0][0]]),
         beside=known_limits(beside) if beside else {},
         beside_title=_title_of(beside, rows.identity) if beside else "",
     )
@@ -347,21 +347,15 @@ def _walks_as_published(scenario: Scenario, name: str) -> bool:
     )
 
 
-def _walks(scenarios: dict[str, Scenario]) -> dict[str, str]:
-    """Returns what the flags can change of the walk, by its field's name."""
-    told: dict[str, list[str]] = {"commands": [], "terrain": []}
-    for scenario in scenarios.values():
-        told["commands"] += [
-            f"{row.forward:g} {row.left:g} {row.turn:g} from {row.time:g} s"
-            for row in scenario.commands
-        ]
-        if scenario.terrain.name != FLAT:
-            told["terrain"].append(scenario.terrain.name)
-    return {
-        name: "; ".join(dict.fromkeys(texts))
-        for name, texts in told.items()
-        if texts
-    }
+def _walk_of(scenario: Scenario) -> dict[str, str]:
+    """Returns what flags can change of its walk, by the field's name."""
+    commands = "; ".join(
+        f"{row.forward:g} {row.left:g} {row.turn:g} from {row.time:g} s"
+        for row in scenario.commands
+    )
+    terrain = scenario.terrain.name
+    walk = {"commands": commands, "terrain": terrain.removeprefix(FLAT)}
+    return {name: text for name, text in walk.items() if text}
 
 
 def _record(

@@ -109,7 +109,7 @@ def report_text(limits: LimitTable, rows: Rows) -> str:
         f"of {len(limits.records)} complete",
         "trials": outcomes(rows),
         **{name: str(value) for name, value in limits.identity.items()},
-        **limits.walks,
+        **limits.walk,
     }
     parts = [
         f"# Push-recovery envelope: {robot}",

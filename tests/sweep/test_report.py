@@ -102,8 +102,8 @@ def test_another_walk_is_told_and_not_compared_with_the_paper():
     """Oracle: the paper's robot steps in place, on level ground."""
     rows = made_up_rows(CELLS, COARSE)
     ruled = table_of(rows, COARSE, sensors="industrial")
-    assert ruled.protocols.keys() == {AT} and not ruled.walks
-    for changed, walks in (
+    assert ruled.protocols.keys() == {AT} and not ruled.walk
+    for changed, walk in (
         ({"terrain": Terrain(name="gap")}, {"terrain": "gap"}),
         (
             {"gait": Gait(), "commands": [Command(forward=0.3, turn=-0.2)]},
@@ -114,9 +114,9 @@ def test_another_walk_is_told_and_not_compared_with_the_paper():
         found = table_of(rows, COARSE, **changed)
         assert not found.protocols
         assert {record["paper"] for record in found.records} == {None}
-        assert found.walks == walks
+        assert found.walk == walk
         page = report.report_text(found, Rows(Path("nowhere"), {}, rows))
-        for name, text in walks.items():
+        for name, text in walk.items():
             (line,) = (x for x in page.splitlines() if f" {name} |" in x)
             assert line.split("|")[2].strip() == text
 
