@@ -192,9 +192,7 @@ class SwingFoot:
         turn = math.remainder(goal.yaw - start[0, YAW], math.tau)
         end = np.zeros((3, 4))
         end[0] = *goal.p_WF, start[0, YAW] + turn
-        landing_speed = self._landing_speed(state)
-        end[1, Z] = -landing_speed
-        height = float(start[0, 2] - end[0, 2])
+        end[1, Z] = -self._landing_speed(state)
         left = state.remaining_time + (_SOON if state.waiting else self.period)
         # The horizontal motion ends before the vertical one.
         drop = edges.drop if edges else 0.0
@@ -206,42 +204,52 @@ class SwingFoot:
         )
         radius = self.params.descent_radius
         arrived = math.dist(start[0, XY], goal.p_WF[:2]) < radius
-        descent = -float(start[1, 2])
-        left = max(
-            left,
-            over if arrived else over + settling,
-            height / detour.max_descent,
+        landing, down, brakes = self._landing(
+            start[:, Z],
+            end=end[:, Z].copy(),
+            left=max(left, over if arrived else over + settling),
+        )
+        # The clock may run out before the descent to a foothold down a step.
+        low = arrived and (edges is None or start[0, 2] - goal.p_WF[2] < radius)
+        held = edges is not None and edges.are_in_the_way(start[0, :3])
+        if state.waiting and low and not brakes:  # sink until contact
+            down = _SINKING
+            speed = 0.5 * (end[1, Z] + start[1, Z])
+            end[0, Z] = start[0, Z] + speed * down
+        else:
+            end[:, Z] = self._lifted(start, landing, down, state, edges)
+            if edges and not held:
+                end[:, Z] = _over_edges(
+                    start=start,
+                    end=end,
+                    landing=landing,
+                    over=over,
+                    left=down,
+                    edges=edges,
+                )
+        if held:
+            end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
+        return end, np.array([over, over, down, over])
+
+    def _landing(
+        self, start: Array, end: Array, left: float
+    ) -> tuple[Array, float, bool]:
+        """Returns the end (3, 1) in z, its time [s], and whether it brakes.
+
+        A foot that has to brake now does so with constant deceleration, but for
+        the tick that lands; others come at the time `left` [s], or later if
+        they cannot come then.
+        """
+        height = float(start[0, 0] - end[0, 0])
+        descent, landing_speed = -float(start[1, 0]), -float(end[1, 0])
+        braking = self._time_to_brake(height, descent, landing_speed)
+        if braking > self.period + self.lead:
+            end[2] = -(start[1] - end[1]) / braking
+        soonest = max(
+            height / self.model.detour.max_descent,
             self._time_to_descend(height, descent, landing_speed),
         )
-        braking = self._time_to_brake(height, descent, landing_speed)
-        left = braking or left
-        # With constant deceleration, but for the tick that lands.
-        if braking > self.period + self.lead:
-            end[2, Z] = -(start[1, Z] - end[1, Z]) / braking
-        landing = end[:, Z].copy()
-        if not _sinks(height, descent, landing_speed, left):
-            end[:, Z] = self._lifted(start, landing, left, state, edges)
-        if edges and edges.are_in_the_way(start[0, :3]):
-            end[:, XY] = start[0, XY], (0.0, 0.0), (0.0, 0.0)
-        elif edges:
-            end[:, Z] = _over_edges(
-                start=start,
-                end=end,
-                landing=landing,
-                over=over,
-                left=left,
-                edges=edges,
-            )
-        # The clock may run out before the descent to a foothold down a step.
-        low = arrived and (edges is None or height < radius)
-        if state.waiting and low and not braking:  # sink until contact
-            left = _SINKING
-            end[:, 2] = (
-                start[0, 2] - 0.5 * (descent + landing_speed) * left,
-                -landing_speed,
-                0.0,
-            )
-        return end, np.array([over, over, left, over])
+        return end, braking or max(left, soonest), braking > 0.0
 
     def _landing_speed(self, state: WalkingState) -> float:
         """Returns the speed [m/s] at which the foot comes down."""
@@ -323,8 +331,10 @@ class SwingFoot:
     ) -> Array:
         """Returns the end (3, 1) of the quintic in z past the apex.
 
-        It is `landing` (3, 1) if the foot is above the apex.
+        It is `landing` (3, 1) if the foot is above the apex, or sinks.
         """
+        if _sinks(start[:, Z], landing, left):
+            return landing
         schedule = state.schedule
         height = self.params.height
         if schedule.legs_crossed:
@@ -338,18 +348,15 @@ class SwingFoot:
         return _past(start[:, Z], landing, left=left, via=via)[0]
 
 
-def _sinks(
-    height: float, descent: float, landing_speed: float, left: float
-) -> bool:
+def _sinks(start: Array, landing: Array, left: float) -> bool:
     """True for a foot that is not down long before the time `left` [s].
 
-    From its `height` [m], at the mean of its `descent` and of the speed at
-    which it lands [m/s].
+    At the mean of the speeds at its `start` (3, 1) and its `landing` (3, 1).
     """
-    return (
-        descent > 0.0
-        and 0.5 * (descent + landing_speed) * left < _TO_SPARE * height
-    )
+    height = float(start[0, 0] - landing[0, 0])
+    descent = -float(start[1, 0])
+    way = 0.5 * (descent - float(landing[1, 0])) * left
+    return descent > 0.0 and way < _TO_SPARE * height
 
 
 def _past(
