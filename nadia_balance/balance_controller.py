@@ -64,7 +64,7 @@ from nadia_balance.systems.wiring import fill, wire
 
 @parameters
 class ControllerParams:
-    """The parameters of every algorithm; robot.yaml overrides `whole_body`."""
+    """The parameters of every algorithm; some are those of a robot.yaml."""
 
     control_period: float = bounded(
         0.004,

@@ -18,7 +18,7 @@ from nadia_balance.core.plan.atlas_icp_plan import (
     AtlasIcpPlanParams,
     plan_atlas_icp,
 )
-from nadia_balance.core.plan.cop_waypoints import IcpPlanParams, Stance
+from nadia_balance.core.plan.cop_waypoints import CopPoints, IcpPlanParams
 from nadia_balance.core.plan.footstep_plan import (
     FootstepPlan,
     FootstepPlannerParams,
@@ -492,8 +492,8 @@ def _planning(
     """The plan of a walking state, by the class of its parameters."""
     if isinstance(params, AtlasIcpPlanParams):
         return lambda state: plan_atlas_icp(state.schedule, params, model)
-    stance = Stance(params, model.cop_area)
-    return lambda state: plan_icp(state.schedule, params, model, stance)
+    cop_points = CopPoints(params, model.cop_area)
+    return lambda state: plan_icp(state.schedule, params, model, cop_points)
 
 
 class TimingAdapter(Block):

@@ -150,7 +150,7 @@ class CopRoute:
     points: list[Point]
     durations: list[float]
     ends: list[float]
-    stance: "Stance"
+    cop_points: "CopPoints"
 
     @cached_property
     def supports(self) -> list[Array]:
@@ -160,7 +160,7 @@ class CopRoute:
         rest.
         """
         return [
-            self.stance.support(phase.feet, sides)
+            self.cop_points.support(phase.feet, sides)
             for phase in self.phases[:2]
             for sides in phase.carrying
         ]
@@ -182,7 +182,9 @@ class CopWaypoints:
         return self.route.supports[self.passed :]
 
 
-def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
+def cop_waypoints(
+    schedule: ContactSchedule, cop_points: "CopPoints"
+) -> CopWaypoints:
     """The CoP from schedule.start through the footsteps, and to rest.
 
     In a transfer the CoP moves via mid-transfer to the entry of the new stance
@@ -191,7 +193,7 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
 
     Args:
         schedule: present phase, feet and footsteps.
-        stance: CoP points in the robot's soles.
+        cop_points: CoP points in the robot's soles.
 
     Returns:
         The CoP segments from schedule.start_time on.
@@ -199,8 +201,10 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
     Raises:
         ValueError: a swing without a footstep.
     """
-    steps, final_transfer = schedule.preview(stance.params.num_previewed_steps)
-    route = stance.route(
+    steps, final_transfer = schedule.preview(
+        cop_points.params.num_previewed_steps
+    )
+    route = cop_points.route(
         schedule.phase, schedule.duration, schedule.feet, steps, final_transfer
     )
     start_time = schedule.start_time
@@ -220,7 +224,7 @@ def cop_waypoints(schedule: ContactSchedule, stance: "Stance") -> CopWaypoints:
     )
 
 
-class Stance:
+class CopPoints:
     """The segments of each phase, for feet on the ground.
 
     The last routes, points and polygons are kept: of a foothold that moves, the
@@ -289,7 +293,7 @@ class Stance:
             points=[*points, points[-1]],
             durations=durations,
             ends=list(accumulate(durations)),
-            stance=self,
+            cop_points=self,
         )
 
     def _transfer(self, feet: FootPoses, step: Footstep) -> _Phase:

@@ -367,7 +367,7 @@ class FootstepPlan:
         error = math.dist(icp, reference) / self.params.calm_error
         moves = _moves(self.after_step(velocity, command))
         if schedule.phase is Phase.SWING:
-            side, caught = schedule.support_side, self.was_caught(state)
+            side, displaced = schedule.support_side, self.is_displaced(state)
             if moves and error < _PUSHED:
                 return self.queue(
                     side,
@@ -375,14 +375,14 @@ class FootstepPlan:
                     velocity=velocity,
                     command=command,
                     first_transfer=(
-                        self.shift(icp, side, feet) if caught else None
+                        self.shift(icp, side, feet) if displaced else None
                     ),
                 )
             if on.step and self.leaves(feet, icp):
                 return self.recovery(
                     (side,), schedule=schedule, feet=feet, icp=icp, on=on
                 )
-            if error < 1.0 and not caught:
+            if error < 1.0 and not displaced:
                 return self.squaring(side, feet, closes=True)
             side = max(Side, key=lambda s: math.dist(feet[s].p_WF[:2], icp))
             return self.squaring(side, feet, icp, reactive=True)
@@ -445,9 +445,9 @@ class FootstepPlan:
         )
         if better.cost[:2] >= planned.cost[:2]:
             return None
-        return self.caught(stays, feet[stays.other])[: better.steps]
+        return self.catching_steps(stays, feet[stays.other])[: better.steps]
 
-    def was_caught(self, state: WalkingState) -> bool:
+    def is_displaced(self, state: WalkingState) -> bool:
         """True if the step in the air is not where it was commanded.
 
         The ICP is then not on its way to the next foot, as in a walk: it takes
@@ -513,7 +513,9 @@ class FootstepPlan:
         side = min(
             sides, key=lambda s: (captures[s].cost, s is schedule.support_side)
         )
-        return self.caught(side, feet[side.other])[: captures[side].steps]
+        return self.catching_steps(side, feet[side.other])[
+            : captures[side].steps
+        ]
 
     def revised(
         self, state: WalkingState, velocity: Array, command: Array
@@ -737,7 +739,9 @@ class FootstepPlan:
             before, stance, side = transfer, placed, side.other
         return tuple(steps)
 
-    def caught(self, side: Side, stance: FootPose) -> tuple[Footstep, ...]:
+    def catching_steps(
+        self, side: Side, stance: FootPose
+    ) -> tuple[Footstep, ...]:
         """Plans steps in place that catch the robot.
 
         Args:
@@ -814,7 +818,7 @@ class FootstepPlan:
             crosses=False,
             time=0.0,
         )
-        steps = self.caught(side, feet[side.other])
+        steps = self.catching_steps(side, feet[side.other])
         if not steps:
             return nowhere
         geometry = SwingGeometry(

@@ -14,9 +14,9 @@ from nadia_balance.core.math.arrays import Array
 from nadia_balance.core.math.lipm import icp
 from nadia_balance.core.math.polygon import project
 from nadia_balance.core.plan.cop_waypoints import (
+    CopPoints,
     CopWaypoints,
     IcpPlanParams,
-    Stance,
     cop_waypoints,
 )
 from nadia_balance.core.walking.state import (
@@ -199,8 +199,8 @@ class IcpPlan(Immutable):
     [s] since the phase began.  `cop_waypoints` (N + 1, 2) [m] are the desired
     CoPs there, `coefficients` (N, 6, 2) those of `rows_at`.  `offset` (2,) [m]
     is the part of the initial ICP that no eCMP within the support brings to the
-    end of the plan: it fades by e^-wt.  `stance` is what places the CoPs; None:
-    the start of the plan stays, whatever its steps.
+    end of the plan: it fades by e^-wt.  `cop_points` places the CoPs; None: the
+    start of the plan stays, whatever its steps.
     """
 
     omega: float
@@ -209,7 +209,7 @@ class IcpPlan(Immutable):
     cop_waypoints: Array
     coefficients: Array
     offset: Array = field(default_factory=lambda: np.zeros(2))
-    stance: Stance | None = field(default=None, repr=False)
+    cop_points: CopPoints | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for array in (
@@ -313,13 +313,13 @@ class IcpPlan(Immutable):
 
         Returns:
             The schedule with other `steps`, which starts at `t`; without a
-            `stance`, at its own start.
+            `cop_points`, at its own start.
         """
         new, now = replace(schedule, footsteps=steps), self.at(t)
-        if self.stance is None:
+        if self.cop_points is None:
             return new
-        path = cop_waypoints(schedule, self.stance)
-        new_path = cop_waypoints(new, self.stance)
+        path = cop_waypoints(schedule, self.cop_points)
+        new_path = cop_waypoints(new, self.cop_points)
         Gamma = recursive_multipliers(path.knots, t, self.omega)
         before = Gamma @ path.points
         if not np.array_equal(new_path.knots, path.knots):
@@ -363,7 +363,7 @@ def plan_icp(
     schedule: ContactSchedule,
     params: IcpPlanParams,
     model: PointMassModel,
-    stance: Stance | None = None,
+    cop_points: CopPoints | None = None,
 ) -> IcpPlan:
     """Solves Eq. 4 of the Nadia paper for linear CoP segments.
 
@@ -377,7 +377,7 @@ def plan_icp(
         schedule: present phase, feet and footsteps.
         params: CoP points, and their shares of the phases.
         model: soles and natural frequency.
-        stance: of these parameters and soles, kept from plan to plan; None:
+        cop_points: of these parameters and soles, kept from plan to plan; None:
             it is made.
 
     Returns:
@@ -387,8 +387,8 @@ def plan_icp(
         ValueError: a swing without a footstep, or a sole within the margin.
     """
     omega, start = model.omega, schedule.start
-    stance = stance or Stance(params, model.cop_area)
-    path = cop_waypoints(schedule, stance)
+    cop_points = cop_points or CopPoints(params, model.cop_area)
+    path = cop_waypoints(schedule, cop_points)
     ecmp, offset = _bent(path, icp(start.com, start.com_velocity, omega), omega)
     return IcpPlan(
         omega=omega,
@@ -403,7 +403,7 @@ def plan_icp(
             omega=omega,
         ),
         offset=offset,
-        stance=stance,
+        cop_points=cop_points,
     )
 
 

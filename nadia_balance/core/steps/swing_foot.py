@@ -355,8 +355,8 @@ def _sinks(start: Array, landing: Array, left: float) -> bool:
     """
     height = float(start[0, 0] - landing[0, 0])
     descent = -float(start[1, 0])
-    way = 0.5 * (descent - float(landing[1, 0])) * left
-    return descent > 0.0 and way < _TO_SPARE * height
+    distance = 0.5 * (descent - float(landing[1, 0])) * left
+    return descent > 0.0 and distance < _TO_SPARE * height
 
 
 def _past(

@@ -433,7 +433,7 @@ def test_without_ground_it_does_not_step():
     """Oracle: by hand: the sole of the other foot has no stone to land on."""
     ground = Ground((stone("left", 0.0, 0.125),), SOLE)
     plan = FootstepPlan(PARAMS, replace(MODEL, ground=ground), ADJUSTER)
-    assert plan.caught(Side.RIGHT, FEET.left) == ()
+    assert plan.catching_steps(Side.RIGHT, FEET.left) == ()
     assert asked(command=(0.3, 0.0, 0.0), plan=plan) == ()
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nadia_balance.core.plan import icp_plan
-from nadia_balance.core.plan.cop_waypoints import Stance, cop_waypoints
+from nadia_balance.core.plan.cop_waypoints import CopPoints, cop_waypoints
 from nadia_balance.core.plan.gait import within_reach
 from nadia_balance.core.walking.state import (
     FootPose,
@@ -154,7 +154,7 @@ def test_the_end_of_the_last_transfer_can_be_planned():
 
 def as_printed(schedule):
     """The plan whose ICP starts where the waypoints lead it."""
-    path = cop_waypoints(schedule, Stance(PARAMS, SOLE))
+    path = cop_waypoints(schedule, CopPoints(PARAMS, SOLE))
     points = path.points
     result = icp_plan.solve_segments(
         path.durations, linear(points), schedule.start.com, points[-1], OMEGA
@@ -169,7 +169,7 @@ def test_a_small_bend_is_shared():
     """
     schedule = walk()
     swing = successor(schedule, plan_of(schedule))
-    path = cop_waypoints(swing, Stance(PARAMS, SOLE))
+    path = cop_waypoints(swing, CopPoints(PARAMS, SOLE))
     bent = range(1, 6)  # of the swing, and of the transfer after it
     unit = np.eye(len(path.points))[:, bent]
     start = np.zeros(len(bent))
