@@ -306,6 +306,8 @@ class RobotModel:
     def control_diagram(self) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
         """A diagram of a plant of the robot alone, with its shapes.
 
+        Torque and speed limits are the URDF's, not those of the `motors`.
+
         Returns:
             The diagram, its plant and its SceneGraph.
         """
