@@ -10,7 +10,7 @@ import pytest
 
 from tests import hand
 
-MOST_STATEMENTS = 18_193  # what there is: more has a reason
+MOST_STATEMENTS = 18_192  # what there is: more has a reason
 DENSEST = 0.52  # statements a line
 SOURCES = hand.sources(*hand.FOLDERS)
 FRONT_DOOR = Path("nadia_balance/__init__.py")

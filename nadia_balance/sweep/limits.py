@@ -342,8 +342,8 @@ def _walks_as_published(scenario: Scenario, name: str) -> bool:
     """True if its steps, ground and commands are those of the name."""
     published = load_scenario(name, robot=scenario.robot)
     return all(
-        getattr(scenario, field) == getattr(published, field)
-        for field in ("gait", "terrain", "commands", "random_commands")
+        getattr(scenario, part) == getattr(published, part)
+        for part in ("gait", "terrain", "commands", "random_commands")
     )
 
 
@@ -354,7 +354,7 @@ def _walk_of(scenario: Scenario) -> dict[str, str]:
         for row in scenario.commands
     )
     terrain = scenario.terrain.name
-    walk = {"commands": commands, "terrain": terrain.removeprefix(FLAT)}
+    walk = {"commands": commands, "terrain": "" if terrain == FLAT else terrain}
     return {name: text for name, text in walk.items() if text}
 
 
@@ -508,7 +508,10 @@ def check_beside(
     shared = known_limits(folder, "beside").keys() & cells
     theirs = Rows.read(folder).identity
     require(
-        any(theirs.get(k) == identity.get(k) for k in ("robot", "robot_files")),
+        any(
+            name in theirs and theirs[name] == identity.get(name)
+            for name in ("robot", "robot_files")
+        ),
         f"beside = {str(folder)!r}: must be of {identity['robot']}, not of "
         f"{theirs['robot']}",
     )

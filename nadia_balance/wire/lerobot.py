@@ -116,7 +116,7 @@ class LeRobotController:
             self._command, self._heard = answer, self._steps
         elif (self._steps - self._heard) * self.control_dt > SILENCE:
             self._command = self._process.silent() or self._damping
-        targets = self._targets(state)[self._joints]
+        targets = self._targets(state)
         if not np.isfinite(targets).all():  # nor is what the joints tell
             targets = (
                 np.nan_to_num(q[self._joints])
@@ -127,16 +127,15 @@ class LeRobotController:
         return dict(zip(self._keys, targets.tolist(), strict=True))
 
     def _targets(self, state: RobotState) -> Array:
-        """The targets (n,) that give the command, in the robot's order."""
+        """The targets (n,) that give the command, by motor."""
         command = self._command
         torque = (
             command.tau
             + command.kp * (command.q - state.q)
             + command.kd * (command.dq - state.dq)
         )
-        kp = self._process.stiffness
-        kd = kp * self._process.params.posture_damping
-        return np.asarray(state.q + (torque + kd * state.dq) / kp)
+        q, dq, torque = (x[self._joints] for x in (state.q, state.dq, torque))
+        return np.asarray(q + (torque + self.kd * dq) / self.kp)
 
 
 def lerobot_name(joint: str) -> str:

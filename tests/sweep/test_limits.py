@@ -100,6 +100,7 @@ def test_a_sweep_stands_beside_one_of_the_same_robot_alone():
         ours = identity | changed
         limits.check_beside(folder, ours, cells)
         assert limits._title_of(folder, ours) == title
-    other = identity | {"robot": "else", "robot_files": "0"}
-    with pytest.raises(ValueError, match="must be of else, not of nadia$"):
-        limits.check_beside(folder, other, cells)
+    for files in "0", None:
+        other = identity | {"robot": "else", "robot_files": files}
+        with pytest.raises(ValueError, match="must be of else, not of nadia$"):
+            limits.check_beside(folder, other, cells)
